@@ -3,6 +3,7 @@
 
 use nvsprior_kernels::modules;
 
+use crate::shared::{LOCKSTEP_TABLE, TABLE};
 use crate::vulkan::{Code, Device, DeviceInfo, DeviceKind, Error, Kernel};
 
 /// Logarithm, base 2, of the number of workgroups that share the sort of `splats` splats. A CPU needs a few workgroups
@@ -16,6 +17,11 @@ pub(crate) fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
 pub(crate) fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
     let least = if device.kind == DeviceKind::Cpu { 4 } else { 7 };
     by_splats(splats).clamp(least, 8)
+}
+
+/// Tiles of a band of tiles at most: counters of a workgroup that bins.
+pub(crate) fn bin_table(device: &DeviceInfo) -> u32 {
+    if device.in_lockstep() { LOCKSTEP_TABLE } else { TABLE }
 }
 
 /// No workgroup should have more than some thousand splats: llvmpipe ends loops after 65,535 rounds.

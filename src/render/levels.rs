@@ -160,10 +160,11 @@ impl LevelBuffers {
         let log_sort_blocks = kernels::log_sort_blocks(device.info(), splats.count);
         let log_bin_blocks = kernels::log_bin_blocks(device.info(), splats.count);
         let log_bin_blocks = binning::log_blocks(log_bin_blocks, tiles as u32);
+        let binning = Binning::new(device, log_bin_blocks, tiles as u32)?;
         for level in &mut levels {
             for params in [&mut level.params, &mut level.sparse] {
                 params.sort_blocks = 1 << log_sort_blocks;
-                params.bin_blocks = 1 << log_bin_blocks;
+                binning.share(params);
                 params.tiles_per_group = device.info().wave.map_or(1, tiles_per_group);
             }
             level.count(None);
@@ -184,7 +185,7 @@ impl LevelBuffers {
             image: own("picture", image, Memory::Device)?,
             image_read: own("picture read back", image, Memory::Readback)?,
             frame: own("frame", floats as usize, Memory::Upload)?,
-            binning: Binning::new(device, log_bin_blocks, tiles as u32)?,
+            binning,
             bands: own("bands", binning::BANDS as usize, Memory::Device)?,
             partials: own("sums by tile", tiles * SUMS as usize, Memory::Device)?,
             sums: own("sums", SUMS as usize, Memory::Readback)?,
@@ -202,8 +203,8 @@ impl LevelBuffers {
     /// Shares the binning in another way; returns the old way. All recordings must be made again.
     pub fn share_binning(&mut self, binning: Binning) -> Binning {
         for Level { params, sparse, .. } in &mut self.sizes {
-            params.bin_blocks = 1 << binning.log_blocks;
-            sparse.bin_blocks = params.bin_blocks;
+            binning.share(params);
+            binning.share(sparse);
         }
         std::mem::replace(&mut self.binning, binning)
     }

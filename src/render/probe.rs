@@ -108,6 +108,11 @@ impl Probe<'_> {
         super::kernels::log_bin_blocks(self.device.info(), splats)
     }
 
+    /// Tiles of a band at most.
+    pub fn bin_table(&self) -> u32 {
+        super::kernels::bin_table(self.device.info())
+    }
+
     /// Stage `bin_scan` alone, on blocks × tiles counts of one band.
     ///
     /// # Panics
@@ -117,7 +122,7 @@ impl Probe<'_> {
         let log_blocks = (counts.len() as u32 / tiles).ilog2();
         assert!(log_blocks >= 2, "four blocks or more");
         assert_eq!((tiles as usize) << log_blocks, counts.len(), "counts of whole blocks");
-        let params = Params { tiles_x: tiles, tiles_y: 1, ..Params::default() };
+        let params = Params { tiles_x: tiles, tiles_y: 1, band_rows: 1, ..Params::default() };
         let params = Buffer::from_slice(device, "parameters", &[params])?;
         let mut starts = counts.to_vec();
         starts.resize(counts.len() + tiles as usize, 0);

@@ -384,9 +384,10 @@ impl Trainer {
     fn ask(&mut self, camera: &Camera, pose: &Pose) {
         // Training moves the splats.
         let own = prototype(&self.plan.options, self.plan.splats, f32::INFINITY, camera, 1, 0);
-        let Params { sort_blocks, bin_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
+        let Params { sort_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
         let pair_capacity = self.grown.work.pair_capacity;
-        let own = Params { sort_blocks, bin_blocks, tiles_per_group, pair_capacity, ..own };
+        let mut own = Params { sort_blocks, tiles_per_group, pair_capacity, ..own };
+        self.levels.binning.share(&mut own);
         let params = posed(&own, self.plan.centre, pose);
         self.levels.params_asked.write(&[params]);
         self.levels.groups_asked.write(&[[Groups::of(&params); 2]]);

@@ -22,6 +22,9 @@ pub const DIGITS: u32 = 3;
 /// Counters of a counting stage's workgroup in shared memory: one per digit of the widest pass, or one per tile of a
 /// band. They take 8 KiB, half of what every device has.
 pub const TABLE: u32 = 2048;
+/// The same for binning in lockstep: 32 KiB. Each band goes through all splats, so a CPU, which has no use for several
+/// workgroups per core, wants few bands.
+pub const LOCKSTEP_TABLE: u32 = 8192;
 /// Planes of the `geometry` buffer, of a pair of floats per splat: position, opacity, 3×3 axes, a spare.
 pub const GEOMETRY_PLANES: u32 = 7;
 /// `Vec4`s of a projected splat's record.
@@ -131,6 +134,8 @@ pub struct Params {
     pub sort_blocks: u32,
     /// Workgroups that share their binning.
     pub bin_blocks: u32,
+    /// Rows of tiles of a band: each workgroup bins splats into one band.
+    pub band_rows: u32,
     /// Tiles that a workgroup draws.
     pub tiles_per_group: u32,
     /// Of each 2^`row_shift` rows of tiles of the picture one is drawn: see [`Params::tile_row`].
@@ -244,7 +249,7 @@ impl Groups {
     pub fn of(params: &Params) -> Groups {
         // One more for the splat that shows nothing.
         let splats = params.splats + 1;
-        let bands = params.tiles_y.div_ceil(band_rows(params.tiles_x));
+        let bands = params.tiles_y.div_ceil(params.band_rows);
         Groups {
             splats: [splats.div_ceil(GROUP), 1, 1],
             sort_blocks: [params.sort_blocks, 1, 1],
@@ -601,11 +606,6 @@ pub fn largest_key(params: &Params) -> u32 {
 pub fn digit_bits(largest_key: u32) -> u32 {
     let bits = (u32::BITS - largest_key.leading_zeros()).div_ceil(DIGITS);
     if bits > 5 { bits } else { 5 }
-}
-
-/// Rows of tiles in a band of at most [`TABLE`] tiles.
-pub fn band_rows(tiles_x: u32) -> u32 {
-    TABLE / tiles_x
 }
 
 /// The sum, or the largest number if it would wrap. So the host learns of too many pairs, not of a

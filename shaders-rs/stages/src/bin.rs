@@ -3,11 +3,15 @@
 //! it is the place in the tile's list at which its own begin. Then the block writes them there, in order. No pair is
 //! sorted or stored more than once.
 //!
-//! A workgroup walks the rows of tiles that its splats touch as one sequence, one row per
-//! invocation. It walks the tiles of those rows in the same way. So no invocation waits for a
-//! neighbour's larger splat.
+//! A workgroup walks the rows of tiles that its splats touch as one sequence, one row per invocation. So no invocation
+//! waits for a neighbour's larger splat. To count, each row of a splat adds one to its first tile, and takes one from
+//! the tile after its last: the counts are the sums along the picture's rows. To write, the workgroup walks the tiles of
+//! those rows as it walks the rows.
 
-use crate::lanes::{Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide};
+use crate::lanes::{
+    LargeTable, Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide,
+};
+use crate::list::{need_pairs, tell_cut};
 use crate::memory::{Pairs, at, at_mut};
 use crate::shared::{self, Counters, Outline, Params, Projected};
 use spirv_std::glam::{UVec2, UVec3};
@@ -22,7 +26,7 @@ pub struct Split {
 }
 
 // Limits of the indices below. Places of splats: below the number of splats. Splats: at most that number, which is the
-// index of the splat that shows nothing. Tiles of a band: below TABLE. Rows of the table of starts: at most the number
+// index of the splat that shows nothing. Tiles of a band: below the size of the table of counters. Rows of the table of starts: at most the number
 // of blocks. Pairs: below the room.
 
 /// Loads the part of a splat's record that binning needs.
@@ -48,9 +52,8 @@ struct Share {
 
 impl Share {
     fn new<L: Lanes>(params: &Params, visible: u32, split: &Split, group: UVec3) -> Share {
-        let rows = shared::band_rows(params.tiles_x);
-        let top = group.y * rows;
-        let bottom = (top + rows).min(params.tiles_y);
+        let top = group.y * params.band_rows;
+        let bottom = (top + params.band_rows).min(params.tiles_y);
         let [first, end] = shared::block(visible, split.log_blocks, group.x, L::COUNT);
         Share { top, bottom, first, end }
     }
@@ -71,22 +74,36 @@ struct Sequence {
 
 impl Sequence {
     fn new<L: Lanes>(count: u32, lane: u32, scratch: &mut Scratch) -> Sequence {
-        let (start, total) = L::scan(count, lane, scratch);
+        let (start, total) = L::sum(count, lane, scratch);
         Sequence { start, end: start + count, total }
     }
 
     /// The invocation that owns the item at a place: the first one whose items end after it. The
     /// ends are published in `slot`.
     fn owner<L: Lanes>(&self, place: u32, slot: u32, scratch: &Scratch) -> u32 {
-        let mut owner = 0;
-        let mut step = L::COUNT / 2;
-        while step > 0 {
-            if L::get(self.end, slot, owner + step - 1, scratch) <= place {
-                owner += step;
-            }
-            step /= 2;
+        // Written out: llvmpipe would count the rounds of a loop, see `for_rows`.
+        let owner = self.beyond::<L>(place, 0, 32, slot, scratch);
+        let owner = self.beyond::<L>(place, owner, 16, slot, scratch);
+        let owner = self.beyond::<L>(place, owner, 8, slot, scratch);
+        let owner = self.beyond::<L>(place, owner, 4, slot, scratch);
+        let owner = self.beyond::<L>(place, owner, 2, slot, scratch);
+        self.beyond::<L>(place, owner, 1, slot, scratch)
+    }
+
+    /// `owner`, or the invocation `step` after it if all items before that one end before the place.
+    fn beyond<L: Lanes>(
+        &self,
+        place: u32,
+        owner: u32,
+        step: u32,
+        slot: u32,
+        scratch: &Scratch,
+    ) -> u32 {
+        if step >= L::COUNT {
+            return owner;
         }
-        owner
+        let ends_before = L::get(self.end, slot, owner + step - 1, scratch) <= place;
+        owner + if ends_before { step } else { 0 }
     }
 }
 
@@ -98,10 +115,20 @@ struct Chunk {
     rows: Sequence,
 }
 
+/// Tiles of one row that a splat touches.
+#[derive(Clone, Copy)]
+struct Row {
+    splat: u32,
+    /// The first of them, and their number. Tiles are counted from the band's first.
+    first_tile: u32,
+    count: u32,
+    /// Whether the picture's row goes on after them.
+    goes_on: bool,
+}
+
 /// A row of tiles of each invocation, and the tiles that all of them touch.
 struct Rows {
-    splat: u32,
-    first_tile: u32,
+    row: Row,
     tiles: Sequence,
 }
 
@@ -166,30 +193,26 @@ impl Chunk {
         }
     }
 
-    /// The row at a place of the sequence, published.
+    /// The row at a place of the sequence. `first_tile`: the band's.
     fn row<L: Lanes>(
         &self,
         params: &Params,
         first_tile: u32,
         place: u32,
-        lane: u32,
-        scratch: &mut Scratch,
-    ) -> Rows {
+        scratch: &Scratch,
+    ) -> Row {
         let owner = self.rows.owner::<L>(place, ROWS_END, scratch);
         let outline = self.outline::<L>(owner, scratch);
         let splat = L::get(self.splat, SPLAT, owner, scratch);
         let start = L::get(self.rows.start, ROWS_START, owner, scratch);
         let y = L::get(self.top, TOP, owner, scratch) + place - start;
         let [left, right] = outline.columns(params.tile_row(y), params.tiles_x);
-        let count = if place < self.rows.total { right - left } else { 0 };
-        let tiles = Sequence::new::<L>(count, lane, scratch);
-        let first_tile = y * params.tiles_x + left - first_tile;
-        L::put(splat, ROW_SPLAT, lane, scratch);
-        L::put(first_tile, ROW_TILE, lane, scratch);
-        L::put(tiles.start, TILES_START, lane, scratch);
-        L::put(tiles.end, TILES_END, lane, scratch);
-        L::sync();
-        Rows { splat, first_tile, tiles }
+        Row {
+            splat,
+            first_tile: y * params.tiles_x + left - first_tile,
+            count: if place < self.rows.total { right - left } else { 0 },
+            goes_on: right < params.tiles_x,
+        }
     }
 }
 
@@ -202,23 +225,34 @@ struct Pair {
 }
 
 impl Rows {
+    /// Publishes the rows.
+    fn new<L: Lanes>(row: Row, lane: u32, scratch: &mut Scratch) -> Rows {
+        let tiles = Sequence::new::<L>(row.count, lane, scratch);
+        L::put(row.splat, ROW_SPLAT, lane, scratch);
+        L::put(row.first_tile, ROW_TILE, lane, scratch);
+        L::put(tiles.start, TILES_START, lane, scratch);
+        L::put(tiles.end, TILES_END, lane, scratch);
+        L::sync();
+        Rows { row, tiles }
+    }
+
     /// The pair at a place of the sequence.
     fn pair<L: Lanes>(&self, place: u32, scratch: &Scratch) -> Pair {
         let owner = self.tiles.owner::<L>(place, TILES_END, scratch);
         let start = L::get(self.tiles.start, TILES_START, owner, scratch);
         let any = place < self.tiles.total;
-        let tile = L::get(self.first_tile, ROW_TILE, owner, scratch) + place - start;
-        let splat = L::get(self.splat, ROW_SPLAT, owner, scratch);
+        let tile = L::get(self.row.first_tile, ROW_TILE, owner, scratch) + place - start;
+        let splat = L::get(self.row.splat, ROW_SPLAT, owner, scratch);
         Pair { tile: if any { tile } else { 0 }, splat, any }
     }
 }
 
-/// Runs the block for the pairs of a share, in depth order, one pair per invocation at once. (A closure would hold
-/// buffers, which shaders cannot do.) Llvmpipe ends all loops of an invocation after 65,535 rounds in all. The name
-/// before the block tells whether that happened.
-macro_rules! for_pairs {
+/// Runs the block for the rows of tiles that a share's splats touch, in depth order, one row per invocation at once. (A
+/// closure would hold buffers, which shaders cannot do.) Llvmpipe ends all loops of an invocation after 65,535 rounds
+/// in all. The name before the block tells whether that happened.
+macro_rules! for_rows {
     ($params:ident, $share:ident, $order:ident, $records:ident, $lane:ident, $scratch:ident,
-        $cut:ident, |$pair:ident| $body:block) => {
+        $cut:ident, |$row:ident| $body:block) => {
         let [first_tile, _] = $share.tiles($params);
         let mut $cut = false;
         let mut place = $share.first + $lane;
@@ -228,18 +262,8 @@ macro_rules! for_pairs {
             // Runs at least once: with the condition at the end no round is wasted.
             let mut row = $lane;
             loop {
-                let rows = chunk.row::<L>($params, first_tile, row, $lane, $scratch);
-                let mut tile = $lane;
-                loop {
-                    let $pair = rows.pair::<L>(tile, $scratch);
-                    $body
-                    tile += L::COUNT;
-                    if tile - $lane >= rows.tiles.total {
-                        break;
-                    }
-                }
-                L::sync();
-                $cut |= tile - $lane < rows.tiles.total;
+                let $row = chunk.row::<L>($params, first_tile, row, $scratch);
+                $body
                 row += L::COUNT;
                 if row - $lane >= chunk.rows.total {
                     break;
@@ -254,43 +278,106 @@ macro_rules! for_pairs {
 }
 
 #[allow(clippy::too_many_arguments)]
-fn count<L: Lanes, B: Pairs + ?Sized>(
+fn count<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     group: UVec3,
     lane: u32,
-    table: &mut Table,
+    table: &mut [u32; TABLE],
     scratch: &mut Scratch,
     split: &Split,
     params: &Params,
-    visible: u32,
+    counters: &mut Counters,
     order: &[u32],
     records: &B,
     starts: &mut [u32],
 ) {
-    let share = Share::new::<L>(params, visible, split, group);
+    if (group.x == 0) & (group.y == 0) & (lane == 0) {
+        counters.pairs_needed = 0;
+    }
+    let share = Share::new::<L>(params, counters.visible, split, group);
     let [first_tile, tiles] = share.tiles(params);
-    let row = group.x * params.tiles_x * params.tiles_y + first_tile;
+    let start = group.x * params.tiles_x * params.tiles_y + first_tile;
     let mut tile = lane;
     while tile < tiles {
         *at_mut(table, tile) = 0;
         // If the driver ends the loops early, this stays: more pairs than there can be room for.
-        *at_mut(starts, row + tile) = u32::MAX;
+        *at_mut(starts, start + tile) = u32::MAX;
         tile += L::COUNT;
     }
     L::sync();
-    for_pairs!(params, share, order, records, lane, scratch, cut, |pair| {
-        L::tally(table, pair.tile, pair.any, lane, scratch);
+    for_rows!(params, share, order, records, lane, scratch, cut, |row| {
+        let any = row.count > 0;
+        L::tally(table, row.first_tile, 1, any, lane, scratch);
+        let after = row.first_tile + row.count;
+        L::tally(table, after, LESS, any & row.goes_on, lane, scratch);
     });
     L::sync();
-    tile = lane;
-    while tile < tiles {
-        *at_mut(starts, row + tile) = if cut { u32::MAX } else { at(table, tile) };
-        tile += L::COUNT;
+    let mut first = 0;
+    while first < tiles {
+        let mut before = 0_u32;
+        let mut column = lane;
+        while column - lane < params.tiles_x {
+            let inside = column < params.tiles_x;
+            let tile = first + if inside { column } else { 0 };
+            let (prefix, all) = L::sum(if inside { at(table, tile) } else { 0 }, lane, scratch);
+            if inside {
+                let count = before.wrapping_add(prefix).wrapping_add(at(table, tile));
+                *at_mut(starts, start + tile) = if cut { u32::MAX } else { count };
+            }
+            before = before.wrapping_add(all);
+            column += L::COUNT;
+        }
+        first += params.tiles_x;
+    }
+}
+
+/// Takes one from a counter.
+const LESS: u32 = 1_u32.wrapping_neg();
+
+/// Cells of a table that are loaded together: four, and whether they are there.
+#[derive(Clone, Copy)]
+struct Four {
+    cells: [u32; 4],
+    counts: [u32; 4],
+    there: bool,
+}
+
+impl Four {
+    /// Cells from `first` on, `step` apart. From `end` on the table has no cells.
+    fn load(table: &[u32], first: u32, step: u32, end: u32) -> Four {
+        let there = first < end;
+        // Those that are not there are loaded from the beginning of the table, which always exists.
+        let cell = |k: u32| if there { first + k * step } else { 0 };
+        let cells = [cell(0), cell(1), cell(2), cell(3)];
+        let [a, b, c, d] = cells;
+        let counts = [at(table, a), at(table, b), at(table, c), at(table, d)];
+        Four { cells, counts, there }
+    }
+
+    fn sum(&self) -> u32 {
+        let [a, b, c, d] = self.counts;
+        let sum = shared::saturating(shared::saturating(a, b), shared::saturating(c, d));
+        if self.there { sum } else { 0 }
+    }
+
+    /// Replaces each count by the place of its first item. Returns the place after the last item.
+    fn replace(&self, table: &mut [u32], place: u32) -> u32 {
+        let [a, b, c, d] = self.counts;
+        let second = shared::saturating(place, a);
+        let third = shared::saturating(second, b);
+        let fourth = shared::saturating(third, c);
+        if self.there {
+            *at_mut(table, self.cells[0]) = place;
+            *at_mut(table, self.cells[1]) = second;
+            *at_mut(table, self.cells[2]) = third;
+            *at_mut(table, self.cells[3]) = fourth;
+        }
+        if self.there { shared::saturating(fourth, d) } else { place }
     }
 }
 
 /// Finds the place at which each block's part of each tile's list begins, counted from the band's first pair. The last
-/// row holds the ends of the lists. One workgroup per band. The number of blocks is a multiple of four; each round
-/// takes four.
+/// row holds the ends of the lists. One workgroup per band. The number of blocks is a multiple of four. Each round
+/// loads those of 16: one after the other, a GPU would wait for each.
 fn scan<L: Scan>(
     band: u32,
     lane: u32,
@@ -302,7 +389,7 @@ fn scan<L: Scan>(
 ) {
     let row = params.tiles_x * params.tiles_y;
     let last_row = row << (split.log_blocks & 31);
-    let tiles = shared::band_rows(params.tiles_x) * params.tiles_x;
+    let tiles = params.band_rows * params.tiles_x;
     let first = band * tiles;
     let end = (first + tiles).min(row);
     let mut before = 0;
@@ -311,17 +398,22 @@ fn scan<L: Scan>(
         let mut sum = 0;
         let mut cell = tile;
         while (tile < end) & (cell < last_row) {
-            let a = shared::saturating(at(starts, cell), at(starts, cell + row));
-            let b = shared::saturating(at(starts, cell + 2 * row), at(starts, cell + 3 * row));
-            sum = shared::saturating(sum, shared::saturating(a, b));
-            cell += 4 * row;
+            let [a, b, c, d] = sixteen(starts, cell, row, last_row);
+            let ab = shared::saturating(a.sum(), b.sum());
+            let cd = shared::saturating(c.sum(), d.sum());
+            sum = shared::saturating(sum, shared::saturating(ab, cd));
+            cell += 16 * row;
         }
         let (prefix, total) = L::scan(sum, lane, scratch);
         let mut next = shared::saturating(before, prefix);
         cell = tile;
         while (tile < end) & (cell < last_row) {
-            next = replace_four(starts, cell, row, next);
-            cell += 4 * row;
+            let [a, b, c, d] = sixteen(starts, cell, row, last_row);
+            next = a.replace(starts, next);
+            next = b.replace(starts, next);
+            next = c.replace(starts, next);
+            next = d.replace(starts, next);
+            cell += 16 * row;
         }
         if tile < end {
             *at_mut(starts, last_row + tile) = next;
@@ -334,20 +426,14 @@ fn scan<L: Scan>(
     }
 }
 
-/// Replaces each of four counts, `step` apart, by the place of its first item. Returns the place after the last item.
-/// Loads all four at once: one after the other, a GPU would wait for each.
-pub fn replace_four(counts: &mut [u32], first: u32, step: u32, place: u32) -> u32 {
-    let cells = [first, first + step, first + 2 * step, first + 3 * step];
-    let [a, b, c, d] =
-        [at(counts, cells[0]), at(counts, cells[1]), at(counts, cells[2]), at(counts, cells[3])];
-    let second = shared::saturating(place, a);
-    let third = shared::saturating(second, b);
-    let fourth = shared::saturating(third, c);
-    *at_mut(counts, cells[0]) = place;
-    *at_mut(counts, cells[1]) = second;
-    *at_mut(counts, cells[2]) = third;
-    *at_mut(counts, cells[3]) = fourth;
-    shared::saturating(fourth, d)
+/// Sixteen cells of a table, as [`Four::load`].
+fn sixteen(table: &[u32], first: u32, step: u32, end: u32) -> [Four; 4] {
+    [
+        Four::load(table, first, step, end),
+        Four::load(table, first + 4 * step, step, end),
+        Four::load(table, first + 8 * step, step, end),
+        Four::load(table, first + 12 * step, step, end),
+    ]
 }
 
 /// Pairs of the bands before, and of all up to this one.
@@ -362,10 +448,10 @@ fn pairs_before(bands: &[u32], band: u32) -> [u32; 2] {
 }
 
 #[allow(clippy::too_many_arguments)]
-fn emit<L: Lanes, B: Pairs + ?Sized>(
+fn emit<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     group: UVec3,
     lane: u32,
-    next: &mut Table,
+    next: &mut [u32; TABLE],
     scratch: &mut Scratch,
     split: &Split,
     params: &Params,
@@ -381,16 +467,16 @@ fn emit<L: Lanes, B: Pairs + ?Sized>(
     let [first_tile, tiles] = share.tiles(params);
     let [before, needed] = pairs_before(bands, group.y);
     if (group.x == 0) & (share.bottom == params.tiles_y) & (lane == 0) {
-        counters.pairs_needed = needed;
+        need_pairs(counters, needed);
     }
     let room = params.pair_capacity;
     let all = params.tiles_x * params.tiles_y;
-    let row = group.x * all + first_tile;
-    let row_below = row + all;
+    let own = group.x * all + first_tile;
+    let row_below = own + all;
     let last_row = (all << (split.log_blocks & 31)) + first_tile;
     let mut tile = lane;
     while tile < tiles {
-        let start = shared::saturating(before, at(starts, row + tile));
+        let start = shared::saturating(before, at(starts, own + tile));
         *at_mut(next, tile) = start;
         if group.x == 0 {
             let end = shared::saturating(before, at(starts, last_row + tile));
@@ -399,21 +485,38 @@ fn emit<L: Lanes, B: Pairs + ?Sized>(
         tile += L::COUNT;
     }
     L::sync();
-    for_pairs!(params, share, order, records, lane, scratch, _cut, |pair| {
-        let rank = L::rank(if pair.any { pair.tile } else { tiles }, lane, scratch);
-        let to = at(next, pair.tile) + rank.before;
-        // Never more than were counted, should this stage's rounding differ.
-        let end = shared::saturating(before, at(starts, row_below + pair.tile)).min(room);
-        L::sync();
-        if pair.any & rank.last {
-            *at_mut(next, pair.tile) = to + 1;
+    for_rows!(params, share, order, records, lane, scratch, cut, |row| {
+        let rows = Rows::new::<L>(row, lane, scratch);
+        let mut place = lane;
+        loop {
+            let pair = rows.pair::<L>(place, scratch);
+            let rank = L::rank(if pair.any { pair.tile } else { tiles }, lane, scratch);
+            let to = at(next, pair.tile) + rank.before;
+            let mut end = room;
+            if !L::REPEATS {
+                // Never more than were counted, should this stage's rounding differ.
+                end = shared::saturating(before, at(starts, row_below + pair.tile)).min(room);
+            }
+            L::sync();
+            if pair.any & rank.last {
+                *at_mut(next, pair.tile) = to + 1;
+            }
+            L::sync();
+            if pair.any & (to < end) {
+                *at_mut(pair_splats, to) = pair.splat;
+            }
+            place += L::COUNT;
+            if place - lane >= rows.tiles.total {
+                break;
+            }
         }
         L::sync();
-        if pair.any & (to < end) {
-            *at_mut(pair_splats, to) = pair.splat;
-        }
+        cut |= place - lane < rows.tiles.total;
     });
     L::sync();
+    if cut {
+        tell_cut(counters);
+    }
     // What was counted but not written gets the splat that shows nothing.
     tile = lane;
     while tile < tiles {
@@ -427,27 +530,27 @@ fn emit<L: Lanes, B: Pairs + ?Sized>(
     }
 }
 
-/// Makes a form of the two passes over splats: entry points, invocations of a workgroup, the built-in number of an
+/// Makes a form of the two passes over splats: entry points, invocations of a workgroup, its counters, the built-in number of an
 /// invocation, and how records are loaded. Workgroups: blocks × bands.
 macro_rules! form {
-    ($count:ident, $emit:ident, $threads:tt, $lanes:ty, $lane:ident, $record:ty) => {
+    ($count:ident, $emit:ident, $threads:tt, $lanes:ty, $table:ty, $lane:ident, $record:ty) => {
         /// Each block's pairs by tile.
         #[spirv(compute(threads($threads)))]
         pub fn $count(
             #[spirv(workgroup_id)] group: UVec3,
             #[spirv($lane)] lane: u32,
-            #[spirv(workgroup)] table: &mut Table,
+            #[spirv(workgroup)] table: &mut $table,
             #[spirv(workgroup)] scratch: &mut Scratch,
             #[spirv(push_constant)] split: &Split,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] counters: &mut Counters,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] order: &[u32],
             #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] records: &[$record],
             #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
         ) {
-            let (p, visible) = (*params, counters.visible);
-            count::<$lanes, _>(
-                group, lane, table, scratch, split, &p, visible, order, records, starts,
+            let p = *params;
+            count::<$lanes, _, _>(
+                group, lane, table, scratch, split, &p, counters, order, records, starts,
             );
         }
 
@@ -456,7 +559,7 @@ macro_rules! form {
         pub fn $emit(
             #[spirv(workgroup_id)] group: UVec3,
             #[spirv($lane)] lane: u32,
-            #[spirv(workgroup)] table: &mut Table,
+            #[spirv(workgroup)] table: &mut $table,
             #[spirv(workgroup)] scratch: &mut Scratch,
             #[spirv(push_constant)] split: &Split,
             #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
@@ -469,7 +572,7 @@ macro_rules! form {
             #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u32],
         ) {
             let p = *params;
-            emit::<$lanes, _>(
+            emit::<$lanes, _, _>(
                 group, lane, table, scratch, split, &p, counters, order, records, starts, bands,
                 ranges, pairs,
             );
@@ -477,11 +580,11 @@ macro_rules! form {
     };
 }
 
-form!(bin_count, bin_emit, 32, Plain, local_invocation_index, f32);
-form!(bin_count_lockstep, bin_emit_lockstep, 8, Lockstep, local_invocation_index, u64);
-form!(bin_count_wave16, bin_emit_wave16, 16, Wave<16>, subgroup_local_invocation_id, f32);
-form!(bin_count_wave32, bin_emit_wave32, 32, Wave<32>, subgroup_local_invocation_id, f32);
-form!(bin_count_wave64, bin_emit_wave64, 64, Wave<64>, subgroup_local_invocation_id, f32);
+form!(bin_count, bin_emit, 32, Plain, Table, local_invocation_index, f32);
+form!(bin_count_lockstep, bin_emit_lockstep, 8, Lockstep, LargeTable, local_invocation_index, u64);
+form!(bin_count_wave16, bin_emit_wave16, 16, Wave<16>, Table, subgroup_local_invocation_id, f32);
+form!(bin_count_wave32, bin_emit_wave32, 32, Wave<32>, Table, subgroup_local_invocation_id, f32);
+form!(bin_count_wave64, bin_emit_wave64, 64, Wave<64>, Table, subgroup_local_invocation_id, f32);
 
 /// Makes a form of the pass over the table of starts. What follows the type are built-in numbers from which the
 /// invocation's is made.

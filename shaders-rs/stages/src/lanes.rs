@@ -4,10 +4,9 @@
 //! is one instruction, while shared memory goes lane by lane and a barrier saves every register.
 
 use crate::memory::at_mut;
-use crate::shared::{TABLE, saturating};
+use crate::shared::{LOCKSTEP_TABLE, TABLE, saturating};
 use spirv_std::arch::{
-    atomic_i_add, control_barrier, subgroup_ballot, subgroup_broadcast_const,
-    subgroup_exclusive_i_add, subgroup_shuffle,
+    atomic_i_add, control_barrier, subgroup_ballot, subgroup_exclusive_i_add, subgroup_shuffle,
     workgroup_memory_barrier_with_group_sync as barrier,
 };
 use spirv_std::memory::{Scope, Semantics};
@@ -25,6 +24,8 @@ pub type Scratch = [u32; (SLOTS * PLAIN) as usize];
 
 /// Counters of a workgroup, in shared memory.
 pub type Table = [u32; TABLE as usize];
+/// The same of a lockstep workgroup that bins.
+pub type LargeTable = [u32; LOCKSTEP_TABLE as usize];
 
 /// How many invocations before this one hold the same value, and whether this one is the last of them. Only the last
 /// one may store.
@@ -34,17 +35,22 @@ pub struct Rank {
     pub last: bool,
 }
 
-/// A workgroup. All calls must be reached by all invocations together.
+/// A workgroup that adds up counts which may be too many. All calls must be reached by all invocations together.
 pub trait Scan {
     /// Its invocations.
     const COUNT: u32;
 
-    /// Exclusive prefix sum, and the total, which saturates; uses slot 0. Of a [`Wave`], totals stay below 2³².
+    /// Exclusive prefix sum, and the total, which saturates; uses slot 0.
     fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
 }
 
-/// A workgroup whose invocations also hand each other values.
-pub trait Lanes: Scan {
+/// A workgroup whose invocations hand each other values. All calls must be reached by all invocations together.
+pub trait Lanes {
+    /// Its invocations.
+    const COUNT: u32;
+    /// Two modules surely compute the same numbers from the same words.
+    const REPEATS: bool;
+
     /// Ends a phase: afterwards what was written to shared memory can be read, and what was read can be written.
     fn sync();
 
@@ -54,11 +60,21 @@ pub trait Lanes: Scan {
     /// The value that the invocation `from` published. `own` is the value that this one published.
     fn get(own: u32, slot: u32, from: u32, scratch: &Scratch) -> u32;
 
+    /// Exclusive prefix sum, and the total, which wrap; uses slot 0.
+    fn sum(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
+
     /// Rank among equal values; uses slot 0.
     fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank;
 
-    /// Adds one to a counter of each invocation that is `counted`; uses slot 0.
-    fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch);
+    /// Adds `step`, the same for all, to a counter of each invocation that is `counted`; uses slot 0.
+    fn tally<const N: usize>(
+        table: &mut [u32; N],
+        index: u32,
+        step: u32,
+        counted: bool,
+        lane: u32,
+        scratch: &mut Scratch,
+    );
 }
 
 /// Invocations in subgroups of any size.
@@ -71,15 +87,15 @@ pub type Wide = Shared<WIDE>;
 
 const _: () = assert!(WIDE <= SLOTS * PLAIN);
 
-impl<const COUNT: u32> Scan for Shared<COUNT> {
-    const COUNT: u32 = COUNT;
+impl Scan for Wide {
+    const COUNT: u32 = WIDE;
 
     fn scan(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32) {
         scratch[lane as usize] = value;
         barrier();
         let (mut before, mut total) = (0, 0);
         let mut other = 0;
-        while other < COUNT {
+        while other < WIDE {
             let here = scratch[other as usize];
             before += if other < lane { here } else { 0 };
             total = saturating(total, here);
@@ -90,16 +106,19 @@ impl<const COUNT: u32> Scan for Shared<COUNT> {
     }
 }
 
-/// Adds one to a counter in shared memory.
-fn count_one(table: &mut Table, index: u32) {
+/// Adds to a counter in shared memory.
+fn add<const N: usize>(table: &mut [u32; N], index: u32, step: u32) {
     // SAFETY: an atomic on shared memory. The sum of integers is the same in any order.
     unsafe {
         const SCOPE: u32 = Scope::Workgroup as u32;
-        atomic_i_add::<u32, SCOPE, { Semantics::NONE.bits() }>(at_mut(table, index), 1);
+        atomic_i_add::<u32, SCOPE, { Semantics::NONE.bits() }>(at_mut(table, index), step);
     }
 }
 
 impl<const COUNT: u32> Lanes for Shared<COUNT> {
+    const COUNT: u32 = COUNT;
+    const REPEATS: bool = false;
+
     fn sync() {
         barrier();
     }
@@ -110,6 +129,21 @@ impl<const COUNT: u32> Lanes for Shared<COUNT> {
 
     fn get(_own: u32, slot: u32, from: u32, scratch: &Scratch) -> u32 {
         scratch[(slot * COUNT + from) as usize]
+    }
+
+    fn sum(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32) {
+        scratch[lane as usize] = value;
+        barrier();
+        let (mut before, mut total) = (0_u32, 0_u32);
+        let mut other = 0;
+        while other < COUNT {
+            let here = scratch[other as usize];
+            before = before.wrapping_add(if other < lane { here } else { 0 });
+            total = total.wrapping_add(here);
+            other += 1;
+        }
+        barrier();
+        (before, total)
     }
 
     fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank {
@@ -127,9 +161,16 @@ impl<const COUNT: u32> Lanes for Shared<COUNT> {
         Rank { before, last: after == 0 }
     }
 
-    fn tally(table: &mut Table, index: u32, counted: bool, _lane: u32, _scratch: &mut Scratch) {
+    fn tally<const N: usize>(
+        table: &mut [u32; N],
+        index: u32,
+        step: u32,
+        counted: bool,
+        _lane: u32,
+        _scratch: &mut Scratch,
+    ) {
         if counted {
-            count_one(table, index);
+            add(table, index, step);
         }
     }
 }
@@ -153,16 +194,10 @@ fn first(count: u32) -> [u32; 2] {
     [word(count), if count > 32 { word(count - 32) } else { 0 }]
 }
 
-impl<const COUNT: u32> Scan for Wave<COUNT> {
-    const COUNT: u32 = COUNT;
-
-    fn scan(value: u32, _lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
-        let before = subgroup_exclusive_i_add(value);
-        (before, subgroup_shuffle(before + value, COUNT - 1))
-    }
-}
-
 impl<const COUNT: u32> Lanes for Wave<COUNT> {
+    const COUNT: u32 = COUNT;
+    const REPEATS: bool = false;
+
     fn sync() {
         sync_subgroup();
     }
@@ -171,6 +206,11 @@ impl<const COUNT: u32> Lanes for Wave<COUNT> {
 
     fn get(own: u32, _slot: u32, from: u32, _scratch: &Scratch) -> u32 {
         subgroup_shuffle(own, from)
+    }
+
+    fn sum(value: u32, _lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
+        let before = subgroup_exclusive_i_add(value);
+        (before, subgroup_shuffle(before.wrapping_add(value), COUNT - 1))
     }
 
     fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
@@ -195,9 +235,16 @@ impl<const COUNT: u32> Lanes for Wave<COUNT> {
         Rank { before, last: before + 1 == all }
     }
 
-    fn tally(table: &mut Table, index: u32, counted: bool, _lane: u32, _scratch: &mut Scratch) {
+    fn tally<const N: usize>(
+        table: &mut [u32; N],
+        index: u32,
+        step: u32,
+        counted: bool,
+        _lane: u32,
+        _scratch: &mut Scratch,
+    ) {
         if counted {
-            count_one(table, index);
+            add(table, index, step);
         }
     }
 }
@@ -250,16 +297,21 @@ fn ahead(value: u32, lane: u32, other: u32, its: u32) -> u32 {
     ((its == value) & (other < lane)) as u32
 }
 
-/// The value of invocation `ID`.
+/// The value of invocation `ID`. Llvmpipe's own broadcast takes longer than a shuffle.
 fn broadcast<const ID: u32>(value: u32) -> u32 {
-    // SAFETY: the subgroup has eight invocations, all active.
-    unsafe { subgroup_broadcast_const::<u32, ID>(value) }
+    subgroup_shuffle(value, ID)
 }
 
 /// Widens a sum over the `reach` invocations up to this one: adds the sum over the `reach` invocations before them.
 fn widen<const SUBGROUP: u32>(sum: u32, lane: u32, reach: u32) -> u32 {
     let other = subgroup_shuffle(sum, (lane.wrapping_sub(reach)) & (SUBGROUP - 1));
     saturating(sum, if lane >= reach { other } else { 0 })
+}
+
+/// As [`widen`], of eight, with a sum that wraps.
+fn widen_wrapping(sum: u32, lane: u32, reach: u32) -> u32 {
+    let other = subgroup_shuffle(sum, lane.wrapping_sub(reach) & (EIGHT - 1));
+    sum.wrapping_add(if lane >= reach { other } else { 0 })
 }
 
 impl Scan for Lockstep {
@@ -272,12 +324,23 @@ impl Scan for Lockstep {
 }
 
 impl Lanes for Lockstep {
+    const COUNT: u32 = EIGHT;
+    // Only llvmpipe runs this form. It neither fuses operations nor replaces them.
+    const REPEATS: bool = true;
+
     fn sync() {}
 
     fn put(_value: u32, _slot: u32, _lane: u32, _scratch: &mut Scratch) {}
 
     fn get(own: u32, _slot: u32, from: u32, _scratch: &Scratch) -> u32 {
         subgroup_shuffle(own, from)
+    }
+
+    fn sum(value: u32, lane: u32, _scratch: &mut Scratch) -> (u32, u32) {
+        let sum = widen_wrapping(value, lane, 1);
+        let sum = widen_wrapping(sum, lane, 2);
+        let sum = widen_wrapping(sum, lane, 4);
+        (sum.wrapping_sub(value), broadcast::<7>(sum))
     }
 
     fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
@@ -292,10 +355,18 @@ impl Lanes for Lockstep {
     }
 
     // An atomic locks the bus for each invocation, which costs more than ranking all of them.
-    fn tally(table: &mut Table, index: u32, counted: bool, lane: u32, scratch: &mut Scratch) {
-        let rank = Self::rank(if counted { index } else { TABLE }, lane, scratch);
+    fn tally<const N: usize>(
+        table: &mut [u32; N],
+        index: u32,
+        step: u32,
+        counted: bool,
+        lane: u32,
+        scratch: &mut Scratch,
+    ) {
+        let rank = Self::rank(if counted { index } else { u32::MAX }, lane, scratch);
         if counted {
-            *at_mut(table, index) += rank.before + 1;
+            let counter = at_mut(table, index);
+            *counter = counter.wrapping_add((rank.before + 1).wrapping_mul(step));
         }
     }
 }

@@ -219,14 +219,19 @@ impl Column {
     }
 }
 
-/// Tells the host that a list was not read to its end: llvmpipe ends an invocation's loops after 65,535 rounds. The
-/// sign is more pairs than there can be room for.
+/// Tells the host that a list was not written or read to its end: llvmpipe ends an invocation's loops after 65,535
+/// rounds. The sign is more pairs than there can be room for.
 pub fn tell_cut(counters: &mut Counters) {
+    need_pairs(counters, u32::MAX);
+}
+
+/// Tells the host of how many pairs there must be room for.
+pub fn need_pairs(counters: &mut Counters, pairs: u32) {
     // SAFETY: an atomic on a word of a storage buffer.
     unsafe {
         const SCOPE: u32 = Scope::QueueFamily as u32;
         const RELAXED: u32 = Semantics::NONE.bits();
-        atomic_u_max::<u32, SCOPE, RELAXED>(&mut counters.pairs_needed, u32::MAX);
+        atomic_u_max::<u32, SCOPE, RELAXED>(&mut counters.pairs_needed, pairs);
     }
 }
 

@@ -85,14 +85,18 @@ fn colour<B: Pairs + ?Sized>(
     let basis = shared::sh_basis(d);
     let mut rgb = [0.5, 0.5, 0.5];
     let count = shared::sh_coefficients(sh_degree);
-    let mut two = 0;
-    while 2 * two < count {
-        let [one, other] = coefficients(params, sh, two, i);
-        let (b, c) = (basis[2 * two as usize], basis[2 * two as usize + 1]);
-        rgb = [rgb[0] + b * one[0], rgb[1] + b * one[1], rgb[2] + b * one[2]];
-        rgb = [rgb[0] + c * other[0], rgb[1] + c * other[1], rgb[2] + c * other[2]];
-        two += 1;
+    // Written out: in a loop the basis would lie in memory.
+    macro_rules! add {
+        ($($two:literal)+) => {
+            $(if 2 * $two < count {
+                let [one, other] = coefficients(params, sh, $two, i);
+                let (b, c) = (basis[2 * $two], basis[2 * $two + 1]);
+                rgb = [rgb[0] + b * one[0], rgb[1] + b * one[1], rgb[2] + b * one[2]];
+                rgb = [rgb[0] + c * other[0], rgb[1] + c * other[1], rgb[2] + c * other[2]];
+            })+
+        };
     }
+    add!(0 1 2 3 4 5 6 7);
     [shared::shown(rgb[0]), shared::shown(rgb[1]), shared::shown(rgb[2])]
 }
 
@@ -165,7 +169,7 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
         // Beyond the last splat, it is projected again and not counted.
         let key = one(place.min(end - 1), &params, sh_degree, geometry, sh, records, keys);
         let counted = (place < end) & (key != CULLED);
-        L::tally(bins, digit_of(key, bits, view.digit), counted, lane, scratch);
+        L::tally(bins, digit_of(key, bits, view.digit), 1, counted, lane, scratch);
         place += L::COUNT;
     }
     counters::leave::<L>(bins, &table, block, lane, histogram);

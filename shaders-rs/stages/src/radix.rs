@@ -67,13 +67,13 @@ fn count<L: Lanes>(
         if place < end {
             key = at(keys, place);
         }
-        L::tally(bins, digit_of(key, bits, pass.digit), key != CULLED, lane, scratch);
+        L::tally(bins, digit_of(key, bits, pass.digit), 1, key != CULLED, lane, scratch);
         place += L::COUNT;
     }
     counters::leave::<L>(bins, &table, group, lane, histogram);
 }
 
-/// Finds where the keys of each digit of a block go. Returns the number of keys of all blocks.
+/// Finds the first place of a block's keys of each digit. Returns the number of keys of all blocks.
 fn starts<L: Lanes>(
     block: u32,
     lane: u32,
@@ -86,7 +86,7 @@ fn starts<L: Lanes>(
     let mut digit = lane;
     while digit - lane < table.width {
         let [own, all] = before(histogram, table, block, digit.min(table.width - 1));
-        let (prefix, total) = L::scan(if digit < table.width { all } else { 0 }, lane, scratch);
+        let (prefix, total) = L::sum(if digit < table.width { all } else { 0 }, lane, scratch);
         if digit < table.width {
             *at_mut(next, digit) = all_before + prefix + own;
         }

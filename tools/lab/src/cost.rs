@@ -12,7 +12,7 @@ mod known;
 
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::block_table::BlockTable;
-use nvsprior_kernels::shared::{DIGITS, SUMS};
+use nvsprior_kernels::shared::{DIGITS, SUMS, TABLE};
 
 pub use counts::Counts;
 pub use gpu::{Gpu, Times, is_modelled};
@@ -50,6 +50,8 @@ pub struct Sharing {
     pub sort_blocks: u32,
     /// Workgroups that share their binning, B.
     pub bin_blocks: f64,
+    /// Tiles of a band at most.
+    pub bin_table: f64,
     /// Invocations of the scans' workgroups.
     pub scan_lanes: f64,
     /// Pixels that an invocation of the blending stages draws per loaded splat, in a picture and in an evaluation, c.
@@ -58,17 +60,24 @@ pub struct Sharing {
 
 impl Sharing {
     /// As GPUs have it, with as many workgroups as small priors take.
-    pub const GPU: Sharing =
-        Sharing { sort_blocks: 32, bin_blocks: 128.0, scan_lanes: 256.0, column: [4.0, 4.0] };
+    pub const GPU: Sharing = Sharing {
+        sort_blocks: 32,
+        bin_blocks: 128.0,
+        bin_table: TABLE as f64,
+        scan_lanes: 256.0,
+        column: [4.0, 4.0],
+    };
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
         let (probe, splats) = (engine.probe(), prior.len() as u32);
         let sort_blocks = 1 << probe.log_sort_blocks(splats);
         let bin_blocks = f64::from(1 << probe.log_bin_blocks(splats));
+        let bin_table = f64::from(probe.bin_table());
+        let sharing = Sharing { sort_blocks, bin_blocks, bin_table, ..Sharing::GPU };
         match engine.device().in_lockstep() {
-            true => Sharing { sort_blocks, bin_blocks, scan_lanes: 8.0, column: [8.0, 4.0] },
-            false => Sharing { sort_blocks, bin_blocks, ..Sharing::GPU },
+            true => Sharing { scan_lanes: 8.0, column: [8.0, 4.0], ..sharing },
+            false => sharing,
         }
     }
 
@@ -80,10 +89,10 @@ impl Sharing {
         [sums + (each - 1.0) / 2.0, (sums / 8.0).ceil() + ((each - 1.0) / 8.0).ceil()]
     }
 
-    /// Loads of a scan that wait for each other. For each column of its lanes it goes down the blocks twice, four loads
+    /// Loads of a scan that wait for each other. For each column of its lanes it goes down the blocks twice, 16 loads
     /// at a time.
     fn scan(&self, columns: f64) -> f64 {
-        (columns / self.scan_lanes).ceil() * 2.0 * self.bin_blocks / 4.0
+        (columns / self.scan_lanes).ceil() * 2.0 * (self.bin_blocks / 16.0).ceil()
     }
 }
 
@@ -194,13 +203,16 @@ impl Cost<'_> {
         let c = self.counts;
         let table = 4.0 * self.sharing.bin_blocks * c.tiles;
         let share = 2.0 * c.visible / (self.sharing.bin_blocks * 32.0);
-        let read = c.bands * 28.0 * c.visible;
-        let flops = c.bands * 40.0 * c.visible + 45.0 * c.rows + 30.0 * c.pairs;
+        let bands = c.bands(self.sharing.bin_table);
+        let read = bands * 28.0 * c.visible;
+        let flops = bands * 40.0 * c.visible + 45.0 * c.rows;
         let (bytes, flops, chain) = match stage {
-            "bin_count" => (read + table, flops, share),
+            "bin_count" => (read + table, flops + 4.0 * c.rows, share),
             "bin_scan" => (3.0 * table, 0.0, self.sharing.scan(c.tiles)),
             // Reads each place twice. Writes the list, and the two ends of each tile's part.
-            _ => (read + 2.0 * table + 8.0 * c.pairs + 8.0 * c.tiles, flops, share),
+            _ => {
+                (read + 2.0 * table + 8.0 * c.pairs + 8.0 * c.tiles, flops + 30.0 * c.pairs, share)
+            }
         };
         Work { bytes, flops, chain, dispatches: 1.0 }
     }

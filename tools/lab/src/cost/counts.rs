@@ -5,8 +5,7 @@ use std::ops::Range;
 use nvsprior::render::probe::Stages;
 use nvsprior::{Camera, Prior};
 use nvsprior_kernels::shared::{
-    ALPHA_MIN, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, band_rows, sh_coefficients,
-    sh_planes,
+    ALPHA_MIN, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, sh_coefficients, sh_planes,
 };
 
 /// The amounts of a render at one pose.
@@ -28,8 +27,8 @@ pub struct Counts {
     pub blended: [f64; 2],
     /// Tiles, T.
     pub tiles: f64,
-    /// Bands of tiles that are binned by themselves.
-    pub bands: f64,
+    /// Tiles of a row.
+    pub tiles_x: f64,
     /// Pixels, X.
     pub pixels: f64,
     /// Pixels of the frame, whatever the level.
@@ -39,6 +38,11 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Bands of whole rows that are binned by themselves, of at most `table` tiles each.
+    pub fn bands(&self, table: f64) -> f64 {
+        (self.tiles / self.tiles_x / (table / self.tiles_x).floor()).ceil()
+    }
+
     /// Counts a prior's render that left `stages`, if only one of 2^`row_shift` rows of tiles were drawn. `camera` is
     /// the level's, `frame` that of the full picture.
     pub fn of(
@@ -61,7 +65,7 @@ impl Counts {
             rows: rows.iter().copied().map(f64::from).sum(),
             blended: [view.blended(TILE), view.blended(TILE / 2)],
             tiles: f64::from(across * down),
-            bands: f64::from(down.div_ceil(band_rows(across))),
+            tiles_x: f64::from(across),
             pixels: f64::from(camera.width * view.pixel_rows()),
             frame_pixels: frame.pixels() as f64,
             digits: f64::from(1 << stages.digit_bits),

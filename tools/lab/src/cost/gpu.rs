@@ -129,11 +129,9 @@ impl Rounds {
         };
         Some(match row.stage.as_str() {
             "project" => {
-                let (work, beside) = (c.visible * c.coefficients / 2.0, Some(table));
-                let around = vec![rounded_up(c.splats, blocks * lanes)];
-                // Besides the harmonics: the splat.
-                let waits = 1.0 + around[0] / work;
-                Rounds { workgroups: blocks, work, around, beside, waits, ..one }
+                let (work, beside) = (rounded_up(c.splats, blocks * lanes), Some(table));
+                // The splat, then its harmonics.
+                Rounds { workgroups: blocks, work, beside, waits: 2.0, ..one }
             }
             "radix_count" => {
                 let later = passes - 1.0;
@@ -150,17 +148,25 @@ impl Rounds {
                 Rounds { workgroups: blocks, dispatches, work, around, beside, waits, ..one }
             }
             "bin_scan" => {
-                let (work, around) = (bins * c.tiles / 4.0, vec![c.tiles]);
+                let (work, around) = (bins * c.tiles / 16.0, vec![c.tiles]);
                 Rounds { work, around, waits: SCANS, ..one }
             }
-            "bin_count" | "bin_emit" => {
-                let splats = c.bands * c.visible;
+            "bin_count" => {
+                let bands = c.bands(cost.sharing.bin_table);
+                let splats = bands * c.visible;
+                let (work, around) = (rounded_up(c.rows, splats), vec![splats]);
+                let (beside, waits) = (Some(bins * c.tiles), 2.0 * splats / work);
+                Rounds { workgroups: bins * bands, work, around, beside, waits, ..one }
+            }
+            "bin_emit" => {
+                let bands = c.bands(cost.sharing.bin_table);
+                let splats = bands * c.visible;
                 let rows = rounded_up(c.rows, splats);
                 let (work, around) = (rounded_up(c.pairs, rows), vec![splats, rows]);
                 let beside = Some(bins * c.tiles);
                 // The places of the splats, then their records.
                 let waits = 2.0 * splats / work;
-                Rounds { workgroups: bins * c.bands, work, around, beside, waits, ..one }
+                Rounds { workgroups: bins * bands, work, around, beside, waits, ..one }
             }
             // A GPU's subgroups stop when all pixels of a tile are finished.
             "splat" | "splat_colour" | "splat_flow" => blend(c.blended[0]),
@@ -298,7 +304,7 @@ mod tests {
         rows: 77_000.0,
         blended: [64e6, 64e6],
         tiles: 1024.0,
-        bands: 1.0,
+        tiles_x: 32.0,
         pixels: 65_536.0,
         frame_pixels: 65_536.0,
         digits: 1024.0,
@@ -354,7 +360,7 @@ mod tests {
         // Columns of a table, with the work's loop and one of 256 rounds inside.
         let inner = vec![a_loop(None, 4.0, vec![]), a_loop(Some(256), 5.0, vec![])];
         let scan = row("bin_scan", 256, vec![a_loop(None, 1.0, inner)]);
-        let lanes = 1024.0 * (1.0 + 5.0 * 256.0) + 128.0 * 1024.0 / 4.0 * 4.0;
+        let lanes = 1024.0 * (1.0 + 5.0 * 256.0) + 128.0 * 1024.0 / 16.0 * 4.0;
         // Each of four schedulers has two of its eight subgroups, which wait for results half of the time.
         let expected = lanes / 32.0 / (4.0 * 0.5) / 1e9;
         assert!((times(&scan).issue / expected - 1.0).abs() < 1e-9);

@@ -79,7 +79,7 @@ mod tests {
             rows: 77_000.0,
             blended: [12e6, 11e6],
             tiles: 920.0,
-            bands: 1.0,
+            tiles_x: 40.0,
             pixels: 57_600.0,
             frame_pixels: 57_600.0,
             digits: 1024.0,

@@ -17,9 +17,9 @@ const PAIR: Unit = Unit { name: "pair of splat and tile", per_round: 1 };
 /// Eight blocks' counts of a digit are added up at a time.
 const COUNT: Unit = Unit { name: "count of a digit", per_round: 8 };
 /// The scan loads four counters at a time.
-const COUNTER: Unit = Unit { name: "counter", per_round: 4 };
-/// Two coefficients of the harmonics are added at a time.
-const COEFFICIENT: Unit = Unit { name: "coefficient of a splat", per_round: 2 };
+const COUNTER: Unit = Unit { name: "counter", per_round: 16 };
+const SPLAT: Unit = Unit { name: "splat", per_round: 1 };
+const ROW: Unit = Unit { name: "row of tiles of a splat", per_round: 1 };
 /// A tile's share of a sum.
 const SUM: Unit = Unit { name: "sum of a tile", per_round: 1 };
 const FRAME_PIXEL: Unit = Unit { name: "pixel of the frame", per_round: 1 };
@@ -47,12 +47,13 @@ pub fn unit(module: &str) -> Option<Unit> {
         "splat" | "splat_flow" if wave.is_some() => {
             pixels(wave.map_or(0, |size| TILE * TILE / size * SPLATS_PER_ROUND))
         }
-        "project" => COEFFICIENT,
+        "project" => SPLAT,
         "splat" | "splat_flow" | "splat_exact" | "splat_backward" => PIXELS,
         "radix_count" => KEY,
         "radix_scatter" => COUNT,
         "bin_scan" => COUNTER,
-        "bin_count" | "bin_emit" => PAIR,
+        "bin_count" => ROW,
+        "bin_emit" => PAIR,
         "reduce" => SUM,
         "pyramid" => FRAME_PIXEL,
         "solve" | "pose_jacobian" => return None,

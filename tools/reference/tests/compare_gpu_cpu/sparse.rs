@@ -70,7 +70,7 @@ fn every_second_row_of_tiles_counts() {
     compare(71, camera, Jacobian::Flow, 2);
 }
 
-/// The picture has more than one band of tiles, and an odd number of rows in its last tile.
+/// The picture has more than one band of tiles on a GPU, and an odd number of rows in its last tile.
 #[test]
 fn every_fourth_row_of_a_large_picture_counts() {
     let camera = Camera { width: 648, height: 363, fx: 500.0, fy: 503.0, cx: 322.0, cy: 180.0 };

@@ -216,7 +216,7 @@ fn binning() {
 #[test]
 fn binning_of_any_size() {
     // From one tile to several bands of them, and rows as long as a band.
-    for (width, height) in [(8, 8), (640, 360), (2_048, 72), (4_096, 96)] {
+    for (width, height) in [(8, 8), (640, 360), (1_280, 720), (2_048, 72), (4_096, 96)] {
         assert_bins(&random_prior(56, 3_000, 0), &camera(width, height), &random_pose(56));
     }
 }
