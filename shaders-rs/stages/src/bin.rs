@@ -5,8 +5,8 @@
 //!
 //! A workgroup walks the rows of tiles that its splats touch as one sequence, one row per invocation. So no invocation
 //! waits for a neighbour's larger splat. To count, each row of a splat adds one to its first tile, and takes one from
-//! the tile after its last: the counts are the sums along the picture's rows. To write, the workgroup walks the tiles of
-//! those rows as it walks the rows.
+//! the tile after its last: the counts are the sums along the picture's rows. To write, the workgroup walks the tiles
+//! of those rows as it walks the rows.
 
 use crate::lanes::{
     LargeTable, Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide,
@@ -26,8 +26,8 @@ pub struct Split {
 }
 
 // Limits of the indices below. Places of splats: below the number of splats. Splats: at most that number, which is the
-// index of the splat that shows nothing. Tiles of a band: below the size of the table of counters. Rows of the table of starts: at most the number
-// of blocks. Pairs: below the room.
+// index of the splat that shows nothing. Tiles of a band: below the size of the table of counters. Rows of the table of
+// starts: at most the number of blocks. Pairs: below the room.
 
 /// Loads the part of a splat's record that binning needs.
 fn load<B: Pairs + ?Sized>(records: &B, splat: u32) -> Projected {
@@ -530,8 +530,8 @@ fn emit<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     }
 }
 
-/// Makes a form of the two passes over splats: entry points, invocations of a workgroup, its counters, the built-in number of an
-/// invocation, and how records are loaded. Workgroups: blocks × bands.
+/// Makes a form of the two passes over splats: entry points, invocations of a workgroup, its counters, the built-in
+/// number of an invocation, and how records are loaded. Workgroups: blocks × bands.
 macro_rules! form {
     ($count:ident, $emit:ident, $threads:tt, $lanes:ty, $table:ty, $lane:ident, $record:ty) => {
         /// Each block's pairs by tile.
