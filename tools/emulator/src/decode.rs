@@ -180,7 +180,8 @@ impl Decoder {
     /// Resolves the edges: all blocks and phis are known now.
     fn finish(mut self) -> Result<Module, Error> {
         for (from, to) in std::mem::take(&mut self.ways) {
-            let target = *self.blocks.get(&to).ok_or_else(|| self.unknown(format!("block %{to}")))?;
+            let target =
+                *self.blocks.get(&to).ok_or_else(|| self.unknown(format!("block %{to}")))?;
             let first = self.module.moves.len() as u32;
             let mut moves = Vec::new();
             for phi in self.phis.get(&to).into_iter().flatten() {

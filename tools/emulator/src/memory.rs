@@ -2,6 +2,7 @@
 
 use crate::program::{Atomic, Barrier, NONE, Space};
 use crate::races::{Clock, Fault, History, SHARED, STORAGE, Who};
+use crate::run::Dispatch;
 
 pub struct Memory<'a> {
     pub buffers: &'a mut [Vec<u32>],
@@ -10,7 +11,8 @@ pub struct Memory<'a> {
     histories: Vec<History>,
     shared_history: History,
     clock: Clock,
-    may_equal: bool,
+    equal_writes: bool,
+    barriers_order_storage: bool,
 }
 
 /// The invocation that accesses memory.
@@ -21,18 +23,23 @@ pub struct Accessor {
 }
 
 impl<'a> Memory<'a> {
-    /// `may_equal`: invocations may write the same value to a word at once.
     pub fn new(
         buffers: &'a mut [Vec<u32>],
-        push: &'a [u32],
         shared_words: u32,
-        may_equal: bool,
+        dispatch: &Dispatch<'a>,
     ) -> Memory<'a> {
         let histories = buffers.iter().map(|buffer| History::new(buffer.len())).collect();
         let words = shared_words as usize;
-        let (shared, shared_history) = (vec![0; words], History::new(words));
-        let clock = Clock::default();
-        Memory { buffers, push, shared, histories, shared_history, clock, may_equal }
+        Memory {
+            buffers,
+            push: dispatch.push,
+            shared: vec![0; words],
+            histories,
+            shared_history: History::new(words),
+            clock: Clock::default(),
+            equal_writes: dispatch.equal_writes,
+            barriers_order_storage: dispatch.barriers_order_storage,
+        }
     }
 
     /// Begins a workgroup. Its shared memory holds anything.
@@ -43,7 +50,8 @@ impl<'a> Memory<'a> {
     }
 
     pub fn pass(&mut self, barrier: Barrier, subgroup: u32) {
-        self.clock.pass(barrier, subgroup as usize);
+        let storage = barrier.storage || self.barriers_order_storage;
+        self.clock.pass(Barrier { storage, ..barrier }, subgroup as usize);
     }
 
     pub fn accessor(&self, invocation: u32, subgroup: u32, group: u32) -> Accessor {
@@ -103,7 +111,7 @@ impl<'a> Memory<'a> {
         from: &[u32],
     ) -> Result<(), Fault> {
         self.inside(space, at, from.len() as u32)?;
-        let may_equal = self.may_equal;
+        let may_equal = self.equal_writes;
         let (memory, history, who, shared) = self.writable(who, space, at)?;
         for (word, from) in (at..).zip(from) {
             let equal = memory[word as usize] == *from;
@@ -146,9 +154,7 @@ impl<'a> Memory<'a> {
                 let history = &mut self.histories[binding];
                 Ok((&mut self.buffers[binding], history, &who.storage, false))
             }
-            Space::Shared => {
-                Ok((&mut self.shared, &mut self.shared_history, &who.shared, true))
-            }
+            Space::Shared => Ok((&mut self.shared, &mut self.shared_history, &who.shared, true)),
             _ => Err(Fault::Bounds { index: at }),
         }
     }

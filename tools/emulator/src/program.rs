@@ -75,24 +75,84 @@ pub struct Barrier {
 
 #[derive(Clone, Copy, Debug)]
 pub enum Instruction {
-    One { op: One, to: Reg, a: Reg },
-    Two { op: Two, to: Reg, a: Reg, b: Reg },
-    Fma { to: Reg, a: Reg, b: Reg, c: Reg },
-    Select { to: Reg, condition: Reg, a: Reg, b: Reg },
-    Copy { to: Reg, from: Reg, words: u32 },
+    One {
+        op: One,
+        to: Reg,
+        a: Reg,
+    },
+    Two {
+        op: Two,
+        to: Reg,
+        a: Reg,
+        b: Reg,
+    },
+    Fma {
+        to: Reg,
+        a: Reg,
+        b: Reg,
+        c: Reg,
+    },
+    Select {
+        to: Reg,
+        condition: Reg,
+        a: Reg,
+        b: Reg,
+    },
+    Copy {
+        to: Reg,
+        from: Reg,
+        words: u32,
+    },
     /// Leaves an address in `to`. If an index is out of bounds, [`NONE`], and the index in the register after it.
-    Locate { to: Reg, from: Address, first: u32, end: u32 },
+    Locate {
+        to: Reg,
+        from: Address,
+        first: u32,
+        end: u32,
+    },
     /// Number of elements of the array at an address, which ends with its buffer.
-    Length { to: Reg, binding: u32, at: u32, stride: u32 },
-    Load { to: Reg, from: Address, words: u32 },
-    Store { to: Address, from: Reg, words: u32 },
-    Atomic { op: Atomic, to: Reg, at: Address, value: Reg },
-    Collective { op: Collective, to: Reg, a: Reg, b: Reg },
+    Length {
+        to: Reg,
+        binding: u32,
+        at: u32,
+        stride: u32,
+    },
+    Load {
+        to: Reg,
+        from: Address,
+        words: u32,
+    },
+    Store {
+        to: Address,
+        from: Reg,
+        words: u32,
+    },
+    Atomic {
+        op: Atomic,
+        to: Reg,
+        at: Address,
+        value: Reg,
+    },
+    Collective {
+        op: Collective,
+        to: Reg,
+        a: Reg,
+        b: Reg,
+    },
     Barrier(Barrier),
     Jump(Edge),
-    Fork { condition: Reg, yes: Edge, no: Edge },
+    Fork {
+        condition: Reg,
+        yes: Edge,
+        no: Edge,
+    },
     /// Cases `[first, end)`, then the default.
-    Switch { selector: Reg, first: u32, end: u32, default: Edge },
+    Switch {
+        selector: Reg,
+        first: u32,
+        end: u32,
+        default: Edge,
+    },
     Return,
     Unreachable,
 }

@@ -25,6 +25,8 @@ pub struct Dispatch<'a> {
     pub seed: u64,
     /// Whether invocations of a workgroup may write the same value to a word at once.
     pub equal_writes: bool,
+    /// Whether a barrier orders storage buffers even if it names only shared memory.
+    pub barriers_order_storage: bool,
 }
 
 /// What a run took.
@@ -55,7 +57,7 @@ impl Module {
         if !(1..=128).contains(&dispatch.subgroup) || self.invocations() == 0 {
             return Err(fault(format!("subgroups of {}", dispatch.subgroup)));
         }
-        let memory = Memory::new(buffers, dispatch.push, self.shared_words, dispatch.equal_writes);
+        let memory = Memory::new(buffers, self.shared_words, dispatch);
         let mut run = Run::new(self, dispatch, memory);
         let [x, y, z] = dispatch.groups;
         let mut order: Vec<u64> = (0..u64::from(x) * u64::from(y) * u64::from(z)).collect();
@@ -262,8 +264,11 @@ impl<'a> Run<'a> {
     }
 
     fn resume(&mut self, i: usize, limit: u64) -> Result<(), Error> {
-        let accesses =
-            if self.random.has_choice() { 1 + self.random.below(MOST_ACCESSES as usize) } else { 0 };
+        let accesses = if self.random.has_choice() {
+            1 + self.random.below(MOST_ACCESSES as usize)
+        } else {
+            0
+        };
         let invocation = &mut self.invocations[i];
         let who = self.memory.accessor(i as u32, invocation.subgroup, self.group_number);
         let mut turn = Turn {
@@ -544,11 +549,7 @@ impl Turn<'_, '_> {
     }
 
     /// An instruction on addresses.
-    fn access(
-        &mut self,
-        instruction: &Instruction,
-        registers: &mut [u32],
-    ) -> Result<(), Trouble> {
+    fn access(&mut self, instruction: &Instruction, registers: &mut [u32]) -> Result<(), Trouble> {
         let trouble = |space| move |fault| Trouble::Memory(space, fault);
         match *instruction {
             Instruction::Locate { to, from, first, end } => {
@@ -589,13 +590,7 @@ impl Turn<'_, '_> {
     }
 
     /// Evaluates an access chain.
-    fn locate(
-        &self,
-        to: Reg,
-        from: Address,
-        terms: std::ops::Range<usize>,
-        registers: &mut [u32],
-    ) {
+    fn locate(&self, to: Reg, from: Address, terms: std::ops::Range<usize>, registers: &mut [u32]) {
         let found = match resolve(registers, from) {
             Ok(first) => terms.clone().try_fold(first, |at, term| {
                 let term = &self.module.terms[term];

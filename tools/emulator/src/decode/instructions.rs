@@ -169,9 +169,7 @@ impl Decoder {
                 let op = if number == 37 { Two::FMin } else { Two::FMax };
                 self.each(raw, [4, 5], |to, [a, b]| Instruction::Two { op, to, a, b })
             }
-            (50, _) => {
-                self.each(raw, [4, 5, 6], |to, [a, b, c]| Instruction::Fma { to, a, b, c })
-            }
+            (50, _) => self.each(raw, [4, 5, 6], |to, [a, b, c]| Instruction::Fma { to, a, b, c }),
             _ => Err(self.unknown(format!("GLSL.std.450 instruction {number}"))),
         }
     }
