@@ -28,6 +28,11 @@ impl Raw<'_> {
             Error::Malformed(format!("{} at word {} is cut", ops::name(self.op), self.word))
         })
     }
+
+    /// Operands from a place on.
+    fn rest(&self, from: usize) -> &[u32] {
+        self.operands.get(from..).unwrap_or(&[])
+    }
 }
 
 /// Where a value is: its first register, and its type.
@@ -69,10 +74,30 @@ struct Decoder {
     in_function: bool,
 }
 
+fn words_of(spirv: &[u8]) -> Vec<u32> {
+    spirv.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect()
+}
+
+/// A module without its control barrier number `nth`, if it has so many: tests hold that a barrier is missed.
+pub fn without_barrier(spirv: &[u8], nth: usize) -> Option<Vec<u8>> {
+    let words = words_of(spirv);
+    let (mut at, mut seen) = (5, 0);
+    while at < words.len() {
+        let end = at + (words[at] >> 16).max(1) as usize;
+        if words[at] as u16 == ops::ControlBarrier {
+            if seen == nth {
+                return Some([&spirv[..4 * at], spirv.get(4 * end..)?].concat());
+            }
+            seen += 1;
+        }
+        at = end;
+    }
+    None
+}
+
 /// Reads a module.
 pub fn module(spirv: &[u8]) -> Result<Module, Error> {
-    let words: Vec<u32> =
-        spirv.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
+    let words = words_of(spirv);
     if words.first() != Some(&MAGIC) || words.len() < 5 || !spirv.len().is_multiple_of(4) {
         return Err(Error::Malformed("it does not begin as one".into()));
     }
@@ -127,7 +152,11 @@ impl Decoder {
 
     fn decode(&mut self, raw: &Raw) -> Result<(), Error> {
         match raw.op {
-            ops::FunctionEnd => Ok(()),
+            // What has no other end ends here.
+            ops::FunctionEnd => {
+                self.push(raw, Instruction::Unreachable);
+                Ok(())
+            }
             ops::Function if self.in_function => Err(self.unknown("second function")),
             ops::Function => {
                 self.in_function = true;
@@ -166,6 +195,24 @@ impl Decoder {
         value.ok_or_else(|| self.unknown(format!("use of %{id} before its definition")))
     }
 
+    /// A value that must have so many words.
+    fn value_of(&self, id: Id, words: u32) -> Result<Reg, Error> {
+        let value = self.value(id)?;
+        if self.types.words(value.ty)? != words {
+            return Err(self.unknown(format!("use of %{id} as {words} words")));
+        }
+        Ok(value.reg)
+    }
+
+    /// A register for the result of an instruction that has one word.
+    fn define_word(&mut self, raw: &Raw) -> Result<Reg, Error> {
+        let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
+        match self.types.words(ty)? {
+            1 => self.define(id, ty),
+            words => Err(self.unknown(format!("{} of {words} words", ops::name(raw.op)))),
+        }
+    }
+
     fn push(&mut self, raw: &Raw, instruction: Instruction) {
         self.module.code.push(instruction);
         self.module.origins.push((raw.op, raw.word));
@@ -187,8 +234,9 @@ impl Decoder {
             for phi in self.phis.get(&to).into_iter().flatten() {
                 let source = phi.from.iter().find(|(_, block)| *block == from);
                 let (id, _) = source.ok_or_else(|| self.unknown(format!("way to block %{to}")))?;
-                let reg = self.value(*id)?.reg;
-                moves.extend((0..self.types.words(phi.to.ty)?).map(|k| (phi.to.reg + k, reg + k)));
+                let words = self.types.words(phi.to.ty)?;
+                let reg = self.value_of(*id, words)?;
+                moves.extend((0..words).map(|k| (phi.to.reg + k, reg + k)));
             }
             self.sequence(moves);
             let end = self.module.moves.len() as u32;

@@ -51,7 +51,7 @@ pub enum Error {
     #[error("{place}: index {index} of {memory} is out of bounds")]
     OutOfBounds {
         /// Who accesses.
-        place: Place,
+        place: Box<Place>,
         /// What is accessed.
         memory: String,
         /// The index; the word if the index is within a type's bounds.
@@ -61,7 +61,7 @@ pub enum Error {
     #[error("{place}: word {word} of shared memory is read, but was never written")]
     Unwritten {
         /// Who reads.
-        place: Place,
+        place: Box<Place>,
         /// The word.
         word: u32,
     },
@@ -69,7 +69,7 @@ pub enum Error {
     #[error("{place}: {access} of word {word} of {memory} races with invocation {other}")]
     Race {
         /// Who comes second.
-        place: Place,
+        place: Box<Place>,
         /// What it does.
         access: &'static str,
         /// What is accessed.
@@ -83,7 +83,7 @@ pub enum Error {
     #[error("{place}: writes what invocation {other} wrote to word {word} of {memory}")]
     EqualWrites {
         /// Who comes second.
-        place: Place,
+        place: Box<Place>,
         /// What is written.
         memory: String,
         /// The word.
@@ -95,7 +95,7 @@ pub enum Error {
     #[error("{place}: {access} of word {word} of {memory} races with another workgroup")]
     GroupRace {
         /// Who comes second.
-        place: Place,
+        place: Box<Place>,
         /// What it does.
         access: &'static str,
         /// What is accessed.
@@ -107,7 +107,7 @@ pub enum Error {
     #[error("{place} waits, but {other}")]
     Divergent {
         /// Who waits.
-        place: Place,
+        place: Box<Place>,
         /// What another does.
         other: String,
     },
@@ -115,17 +115,17 @@ pub enum Error {
     #[error("{place}: lane {lane} is not active")]
     InactiveLane {
         /// Who asks for it.
-        place: Place,
+        place: Box<Place>,
         /// The lane.
         lane: u32,
     },
     /// A division of integers by zero.
     #[error("{0}: divides by zero")]
-    DividesByZero(Place),
+    DividesByZero(Box<Place>),
     /// An instruction that must not be reached.
     #[error("{0}: must not be reached")]
-    Unreachable(Place),
+    Unreachable(Box<Place>),
     /// A workgroup that does not end.
     #[error("{0}: still runs after {1} instructions")]
-    Endless(Place, u64),
+    Endless(Box<Place>, u64),
 }

@@ -49,7 +49,27 @@ pub struct Part {
     pub at: u32,
 }
 
+/// Most words of a type, and of the distance between its parts.
+const MOST_WORDS: u32 = 1 << 20;
+
 impl Types {
+    /// A new type, made of types that are known.
+    pub fn declare(&mut self, id: Id, ty: Type) -> Result<(), Error> {
+        let parts = match &ty {
+            Type::Vector { of, .. } | Type::Array { of, .. } | Type::RuntimeArray { of } => {
+                vec![*of]
+            }
+            Type::Struct { members } => members.clone(),
+            Type::Pointer { to } => vec![*to],
+            _ => Vec::new(),
+        };
+        parts.into_iter().try_for_each(|part| self.get(part).map(|_| ()))?;
+        if self.all.insert(id, ty).is_some() {
+            return Err(Error::Malformed(format!("%{id} is declared twice")));
+        }
+        self.words(id).map(|_| ())
+    }
+
     pub fn get(&self, id: Id) -> Result<&Type, Error> {
         self.all.get(&id).ok_or_else(|| Error::Malformed(format!("%{id} is no known type")))
     }
@@ -61,9 +81,12 @@ impl Types {
             Type::Bool | Type::Word => 1,
             // An address, and the index that is out of bounds.
             Type::Pointer { .. } => 2,
-            Type::Vector { of, count } | Type::Array { of, count } => count * self.words(*of)?,
+            Type::Vector { of, count } | Type::Array { of, count } => {
+                bounded(u64::from(*count) * u64::from(self.words(*of)?))?
+            }
             Type::Struct { members } => {
-                members.iter().map(|member| self.words(*member)).sum::<Result<_, _>>()?
+                let words = members.iter().map(|member| self.words(*member).map(u64::from));
+                bounded(words.sum::<Result<_, _>>()?)?
             }
         })
     }
@@ -71,7 +94,10 @@ impl Types {
     /// Words of a value in memory.
     pub fn extent(&self, id: Id) -> Result<u32, Error> {
         Ok(match self.get(id)? {
-            Type::Array { count, .. } => count * self.stride(id)?,
+            Type::Array { count, .. } => bounded(u64::from(*count) * u64::from(self.stride(id)?))?,
+            Type::RuntimeArray { .. } => {
+                return Err(Error::Malformed(format!("%{id} has no size")));
+            }
             Type::Struct { members } => match members.len() as u32 {
                 0 => 0,
                 count => {
@@ -150,9 +176,17 @@ fn no_part(id: Id, index: u32) -> Error {
     Error::Malformed(format!("%{id} has no part {index}"))
 }
 
+fn bounded(words: u64) -> Result<u32, Error> {
+    if words <= u64::from(MOST_WORDS) {
+        Ok(words as u32)
+    } else {
+        Err(Error::Malformed(format!("{words} words are too many for a type")))
+    }
+}
+
 fn words_of(bytes: u32) -> Result<u32, Error> {
     if bytes.is_multiple_of(4) {
-        Ok(bytes / 4)
+        bounded(u64::from(bytes / 4))
     } else {
         Err(Error::Malformed(format!("{bytes} bytes are no whole words")))
     }

@@ -51,6 +51,13 @@ pub enum Collective {
     FloatSum(Part),
 }
 
+impl Collective {
+    /// Words of the result.
+    pub fn words(self) -> u32 {
+        if self == Collective::Ballot { 4 } else { 1 }
+    }
+}
+
 /// Of which lanes a sum is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
@@ -181,6 +188,15 @@ pub enum Input {
     Lane,
     SubgroupSize,
     SubgroupCount,
+}
+
+impl Input {
+    pub fn words(self) -> u32 {
+        match self {
+            Input::GroupCount | Input::Group | Input::Local | Input::Global => 3,
+            _ => 1,
+        }
+    }
 }
 
 /// A compute module, ready to run.

@@ -103,12 +103,10 @@ impl Accesses {
             Several::One
         } else if self.several == Several::OfGroup || last.subgroup != now.subgroup {
             Several::OfGroup
-        } else if last.subgroup_time < now.subgroup_time {
-            Several::One
-        } else if self.several == Several::One && last.invocation == now.invocation {
-            Several::One
         } else {
-            Several::OfSubgroup
+            let again = self.several == Several::One && last.invocation == now.invocation;
+            let latest = again || last.subgroup_time < now.subgroup_time;
+            if latest { Several::One } else { Several::OfSubgroup }
         };
         *self = Accesses { last: now, several };
     }

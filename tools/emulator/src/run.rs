@@ -2,12 +2,12 @@
 //! one go on.
 
 use crate::error::{Error, Place};
-use crate::memory::{Accessor, Memory};
+use crate::memory::Memory;
 use crate::ops;
-use crate::program::{Address, Collective, Input, Instruction, Module, NONE, Reg, Space};
+use crate::program::{Collective, Input, Instruction, Module, Reg, Space};
 use crate::races::Fault;
 use crate::subgroups::{self, Lane};
-use crate::values::{fma, one, two};
+use crate::turn::{Invocation, State, Stop, Trouble, Turn};
 
 /// What a module is run with.
 #[derive(Clone, Copy, Debug)]
@@ -99,37 +99,6 @@ impl Random {
             }
         }
     }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum State {
-    Ready,
-    Waiting,
-    Ended,
-}
-
-struct Invocation {
-    registers: Vec<u32>,
-    /// The next instruction; while it waits, the one that it waits at.
-    at: u32,
-    state: State,
-    subgroup: u32,
-    lane: u32,
-}
-
-/// Why an invocation stops.
-enum Stop {
-    Waits,
-    Ends,
-    Yields,
-}
-
-/// A fault at an instruction.
-enum Trouble {
-    Memory(Space, Fault),
-    DividesByZero,
-    Unreachable,
-    Endless,
 }
 
 struct Run<'a> {
@@ -231,18 +200,19 @@ impl<'a> Run<'a> {
         let subgroups = self.subgroups.len() as u32;
         let invocation = &mut self.invocations[i];
         for (input, reg) in &self.module.inputs {
-            let word = |word| ([word, 0, 0], 1);
-            let (value, words) = match input {
-                Input::GroupCount => (self.dispatch.groups, 3),
-                Input::Group => (self.group, 3),
-                Input::Local => (local, 3),
-                Input::Global => (global, 3),
+            let word = |word| [word, 0, 0];
+            let value = match input {
+                Input::GroupCount => self.dispatch.groups,
+                Input::Group => self.group,
+                Input::Local => local,
+                Input::Global => global,
                 Input::Index => word(index),
                 Input::Subgroup => word(invocation.subgroup),
                 Input::Lane => word(invocation.lane),
                 Input::SubgroupSize => word(self.dispatch.subgroup),
                 Input::SubgroupCount => word(subgroups),
             };
+            let words = input.words() as usize;
             invocation.registers[*reg as usize..][..words].copy_from_slice(&value[..words]);
         }
         for (to, from) in &self.module.first_values {
@@ -359,7 +329,7 @@ impl<'a> Run<'a> {
         let in_turn = self.dispatch.seed.is_multiple_of(2);
         let results = subgroups::together(op, &lanes, in_turn)
             .map_err(|(at, lane)| Error::InactiveLane { place: self.place(waiting[at]), lane })?;
-        let words = if op == Collective::Ballot { 4 } else { 1 };
+        let words = op.words() as usize;
         for (i, result) in waiting.iter().zip(results) {
             let registers = &mut self.invocations[*i].registers;
             registers[to as usize..][..words].copy_from_slice(&result[..words]);
@@ -386,22 +356,22 @@ impl<'a> Run<'a> {
         Ok(true)
     }
 
-    fn place(&self, i: usize) -> Place {
+    fn place(&self, i: usize) -> Box<Place> {
         let (op, word) = self.module.origins[self.invocations[i].at as usize];
-        Place {
+        Box::new(Place {
             entry: self.module.entry.clone(),
             instruction: ops::name(op),
             word,
             group: self.group,
             invocation: i as u32,
-        }
+        })
     }
 
     fn divergent(&self, waiting: usize, other: usize) -> Error {
         let what = if self.invocations[other].state == State::Ended {
             format!("invocation {other} has ended")
         } else {
-            let Place { instruction, word, .. } = self.place(other);
+            let Place { instruction, word, .. } = *self.place(other);
             format!("invocation {other} is at {instruction} at word {word}")
         };
         Error::Divergent { place: self.place(waiting), other: what }
@@ -431,191 +401,4 @@ impl<'a> Run<'a> {
             Fault::Unwritten { word } => Error::Unwritten { place, word },
         }
     }
-}
-
-/// An invocation's turn.
-struct Turn<'t, 'a> {
-    module: &'a Module,
-    memory: &'t mut Memory<'a>,
-    who: Accessor,
-    /// Accesses to memory until others go on; 0 for no limit.
-    accesses: u32,
-    instructions: &'t mut u64,
-    limit: u64,
-}
-
-/// Where an address is.
-fn resolve(registers: &[u32], address: Address) -> Result<u32, Trouble> {
-    let Address { space, reg, fixed } = address;
-    if reg == NONE {
-        return Ok(fixed);
-    }
-    match registers[reg as usize] {
-        NONE => {
-            let index = registers[reg as usize + 1];
-            Err(Trouble::Memory(space, Fault::Bounds { index }))
-        }
-        at => Ok(at.wrapping_add(fixed)),
-    }
-}
-
-impl Turn<'_, '_> {
-    /// Runs until the invocation stops.
-    fn run(&mut self, invocation: &mut Invocation) -> Result<Stop, Trouble> {
-        let (module, registers) = (self.module, &mut invocation.registers);
-        let mut count = 0;
-        let most = self.limit - *self.instructions;
-        let stopped = loop {
-            let instruction = &module.code[invocation.at as usize];
-            count += 1;
-            match *instruction {
-                Instruction::One { op, to, a } => {
-                    registers[to as usize] = one(op, registers[a as usize]);
-                }
-                Instruction::Two { op, to, a, b } => {
-                    let (a, b) = (registers[a as usize], registers[b as usize]);
-                    match two(op, a, b) {
-                        Some(result) => registers[to as usize] = result,
-                        None => break Err(Trouble::DividesByZero),
-                    }
-                }
-                Instruction::Fma { to, a, b, c } => {
-                    let [a, b, c] = [a, b, c].map(|reg| registers[reg as usize]);
-                    registers[to as usize] = fma(a, b, c);
-                }
-                Instruction::Select { to, condition, a, b } => {
-                    let from = if registers[condition as usize] != 0 { a } else { b };
-                    registers[to as usize] = registers[from as usize];
-                }
-                Instruction::Copy { to, from, words } => {
-                    registers.copy_within(from as usize..(from + words) as usize, to as usize);
-                }
-                Instruction::Jump(edge) => {
-                    invocation.at = follow(module, registers, edge);
-                    if count >= most {
-                        break Err(Trouble::Endless);
-                    }
-                    continue;
-                }
-                Instruction::Fork { condition, yes, no } => {
-                    let edge = if registers[condition as usize] != 0 { yes } else { no };
-                    invocation.at = follow(module, registers, edge);
-                    if count >= most {
-                        break Err(Trouble::Endless);
-                    }
-                    continue;
-                }
-                Instruction::Switch { selector, first, end, default } => {
-                    let cases = &module.cases[first as usize..end as usize];
-                    let selector = registers[selector as usize];
-                    let case = cases.iter().find(|(literal, _)| *literal == selector);
-                    let edge = case.map_or(default, |(_, edge)| *edge);
-                    invocation.at = follow(module, registers, edge);
-                    continue;
-                }
-                Instruction::Collective { .. } | Instruction::Barrier(_) => break Ok(Stop::Waits),
-                Instruction::Return => break Ok(Stop::Ends),
-                Instruction::Unreachable => break Err(Trouble::Unreachable),
-                _ => {
-                    if let Err(trouble) = self.access(instruction, registers) {
-                        break Err(trouble);
-                    }
-                    invocation.at += 1;
-                    if self.is_over(instruction) {
-                        break Ok(Stop::Yields);
-                    }
-                    continue;
-                }
-            }
-            invocation.at += 1;
-        };
-        *self.instructions += count;
-        stopped
-    }
-
-    /// Whether others go on after an access to memory.
-    fn is_over(&mut self, instruction: &Instruction) -> bool {
-        let space = match instruction {
-            Instruction::Load { from, .. } => from.space,
-            Instruction::Store { to, .. } => to.space,
-            Instruction::Atomic { at, .. } => at.space,
-            _ => return false,
-        };
-        if self.accesses == 0 || matches!(space, Space::Own | Space::Push) {
-            return false;
-        }
-        self.accesses -= 1;
-        self.accesses == 0
-    }
-
-    /// An instruction on addresses.
-    fn access(&mut self, instruction: &Instruction, registers: &mut [u32]) -> Result<(), Trouble> {
-        let trouble = |space| move |fault| Trouble::Memory(space, fault);
-        match *instruction {
-            Instruction::Locate { to, from, first, end } => {
-                self.locate(to, from, first as usize..end as usize, registers);
-            }
-            Instruction::Length { to, binding, at, stride } => {
-                let length = self.memory.length(Space::Storage(binding));
-                registers[to as usize] = length.saturating_sub(at) / stride.max(1);
-            }
-            Instruction::Load { to, from, words } => {
-                let (at, space) = (resolve(registers, from)?, from.space);
-                if space == Space::Own {
-                    registers.copy_within(at as usize..(at + words) as usize, to as usize);
-                    return Ok(());
-                }
-                let to = &mut registers[to as usize..(to + words) as usize];
-                self.memory.load(&self.who, space, at, to).map_err(trouble(space))?;
-            }
-            Instruction::Store { to, from, words } => {
-                let (at, space) = (resolve(registers, to)?, to.space);
-                let from = from as usize..(from + words) as usize;
-                if space == Space::Own {
-                    registers.copy_within(from, at as usize);
-                    return Ok(());
-                }
-                let from = &registers[from];
-                self.memory.store(&self.who, space, at, from).map_err(trouble(space))?;
-            }
-            Instruction::Atomic { op, to, at, value } => {
-                let (space, value) = (at.space, registers[value as usize]);
-                let at = resolve(registers, at)?;
-                let before = self.memory.atomic(&self.who, space, at, op, value);
-                registers[to as usize] = before.map_err(trouble(space))?;
-            }
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// Evaluates an access chain.
-    fn locate(&self, to: Reg, from: Address, terms: std::ops::Range<usize>, registers: &mut [u32]) {
-        let found = match resolve(registers, from) {
-            Ok(first) => terms.clone().try_fold(first, |at, term| {
-                let term = &self.module.terms[term];
-                let index = registers[term.index as usize];
-                let rest = || self.memory.length(from.space).saturating_sub(at) / term.stride;
-                let inside = index < term.count.unwrap_or_else(rest);
-                if inside { Ok(at + index * term.stride) } else { Err(index) }
-            }),
-            Err(_) => Err(registers[from.reg as usize + 1]),
-        };
-        match found {
-            Ok(at) => registers[to as usize] = at,
-            Err(index) => {
-                registers[to as usize] = NONE;
-                registers[to as usize + 1] = index;
-            }
-        }
-    }
-}
-
-/// Goes to another block.
-fn follow(module: &Module, registers: &mut [u32], edge: u32) -> u32 {
-    let edge = &module.edges[edge as usize];
-    for (to, from) in &module.moves[edge.first as usize..edge.end as usize] {
-        registers[*to as usize] = registers[*from as usize];
-    }
-    edge.target
 }

@@ -39,12 +39,12 @@ impl Decoder {
             ops::EntryPoint if !self.module.entry.is_empty() => {
                 return Err(self.unknown("second entry point"));
             }
-            ops::EntryPoint => self.module.entry = text(raw.operands.get(2..).unwrap_or(&[])),
+            ops::EntryPoint => self.module.entry = text(raw.rest(2)),
             ops::ExecutionMode if operand(1)? == LOCAL_SIZE => {
                 self.module.size = [operand(2)?, operand(3)?, operand(4)?];
             }
             ops::ExecutionMode => {}
-            ops::ExtInstImport if text(&raw.operands[1..]) == "GLSL.std.450" => {
+            ops::ExtInstImport if text(raw.rest(1)) == "GLSL.std.450" => {
                 self.glsl = Some(operand(0)?);
             }
             ops::Decorate => self.decorate(raw)?,
@@ -89,21 +89,24 @@ impl Decoder {
                 Type::Array { of: operand(1)?, count }
             }
             ops::TypeRuntimeArray => Type::RuntimeArray { of: operand(1)? },
-            ops::TypeStruct => Type::Struct { members: raw.operands[1..].to_vec() },
+            ops::TypeStruct => Type::Struct { members: raw.rest(1).to_vec() },
             ops::TypePointer => Type::Pointer { to: operand(2)? },
             ops::TypeInt | ops::TypeFloat => {
                 return Err(self.unknown(format!("number of {} bits", operand(1)?)));
             }
             _ => return Err(self.unknown_instruction(raw)),
         };
-        self.types.all.insert(operand(0)?, ty);
-        Ok(())
+        self.types.declare(operand(0)?, ty)
     }
 
     /// A constant, or an undefined value.
     pub(super) fn constant(&mut self, raw: &Raw) -> Result<(), Error> {
         let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
         let words = self.types.words(ty)?;
+        let is_word = matches!(raw.op, ops::ConstantTrue..=ops::Constant | ops::SpecConstant);
+        if is_word && words != 1 {
+            return Err(self.unknown(format!("constant of {words} words")));
+        }
         let reg = self.define(id, ty)?;
         let mut set = |k: u32, word| self.module.registers[(reg + k) as usize] = word;
         match raw.op {
@@ -113,8 +116,7 @@ impl Decoder {
             ops::Undef => self.module.undefined.extend(reg..reg + words),
             ops::ConstantComposite => {
                 let mut to = reg as usize;
-                for part in &raw.operands[2..] {
-                    let part = self.value(*part)?;
+                for part in self.parts(raw)? {
                     let (from, count) = (part.reg as usize, self.types.words(part.ty)? as usize);
                     self.module.registers.copy_within(from..from + count, to);
                     to += count;
@@ -168,7 +170,7 @@ impl Decoder {
         let address = Address { space, reg: NONE, fixed };
         self.pointers.insert(id, Pointer { address, to });
         if let Some(first) = first {
-            let from = self.value(first)?.reg;
+            let from = self.value_of(first, self.types.words(to)?)?;
             let places = self.types.places(to)?;
             self.module.first_values.extend((from..).zip(places).map(|(k, to)| (fixed + to, k)));
         }
@@ -190,6 +192,9 @@ impl Decoder {
             other => return Err(self.unknown(format!("input {other:?}"))),
         };
         let words = self.types.words(ty)?;
+        if words != input.words() {
+            return Err(self.unknown(format!("{input:?} of {words} words")));
+        }
         let reg = self.registers(words);
         self.module.inputs.push((input, reg));
         Ok(reg)

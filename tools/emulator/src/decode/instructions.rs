@@ -148,13 +148,14 @@ impl Decoder {
         operands: [usize; N],
         make: impl Fn(Reg, [Reg; N]) -> Instruction,
     ) -> Result<(), Error> {
+        let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
+        let words = self.types.words(ty)?;
         let mut from = [0; N];
         for (from, operand) in from.iter_mut().zip(operands) {
-            *from = self.value(raw.operand(operand)?)?.reg;
+            *from = self.value_of(raw.operand(operand)?, words)?;
         }
-        let ty = raw.operand(0)?;
-        let to = self.define(raw.operand(1)?, ty)?;
-        for k in 0..self.types.words(ty)? {
+        let to = self.define(id, ty)?;
+        for k in 0..words {
             self.push(raw, make(to + k, from.map(|from| from + k)));
         }
         Ok(())
@@ -188,25 +189,42 @@ impl Decoder {
         })
     }
 
+    /// The parts that a value is made of.
+    pub(super) fn parts(&self, raw: &Raw) -> Result<Vec<Value>, Error> {
+        let parts: Vec<Value> =
+            raw.rest(2).iter().map(|part| self.value(*part)).collect::<Result<_, _>>()?;
+        let mut words = 0;
+        for part in &parts {
+            words += self.types.words(part.ty)?;
+        }
+        if words != self.types.words(raw.operand(0)?)? {
+            return Err(self.unknown(format!("{} of {words} words", ops::name(raw.op))));
+        }
+        Ok(parts)
+    }
+
     fn composite(&mut self, raw: &Raw) -> Result<(), Error> {
         let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
         match raw.op {
             ops::CompositeExtract => {
                 // Its registers are part of the whole's: no use of it comes after the whole is computed again.
-                let part = self.part(self.value(raw.operand(2)?)?, &raw.operands[3..])?;
+                let part = self.part(self.value(raw.operand(2)?)?, raw.rest(3))?;
                 self.values.insert(id, part);
             }
             ops::CompositeInsert => {
                 let (part, whole) = (self.value(raw.operand(2)?)?, self.value(raw.operand(3)?)?);
+                self.value_of(raw.operand(3)?, self.types.words(ty)?)?;
                 let reg = self.define(id, ty)?;
                 self.copy(raw, reg, whole)?;
-                let to = self.part(Value { reg, ty }, &raw.operands[4..])?;
+                let to = self.part(Value { reg, ty }, raw.rest(4))?;
+                self.value_of(raw.operand(2)?, self.types.words(to.ty)?)?;
                 self.copy(raw, to.reg, part)?;
             }
             _ => {
+                let parts = self.parts(raw)?;
                 let mut to = self.define(id, ty)?;
-                for part in &raw.operands[2..] {
-                    to += self.copy(raw, to, self.value(*part)?)?;
+                for part in parts {
+                    to += self.copy(raw, to, part)?;
                 }
             }
         }
@@ -215,7 +233,13 @@ impl Decoder {
 
     fn select(&mut self, raw: &Raw) -> Result<(), Error> {
         let condition = self.value(raw.operand(2)?)?;
-        let step = if self.types.words(condition.ty)? > 1 { 1 } else { 0 };
+        let step = match self.types.words(condition.ty)? {
+            1 => 0,
+            words => {
+                self.value_of(raw.operand(3)?, words)?;
+                1
+            }
+        };
         let first = self.module.registers.len() as Reg;
         self.each(raw, [3, 4], |to, [a, b]| {
             let condition = condition.reg + step * (to - first);
@@ -266,13 +290,15 @@ impl Decoder {
             ops::GroupNonUniformFAdd => (Collective::FloatSum(part(3)?), 4),
             _ => return Err(self.unknown_instruction(raw)),
         };
-        let a = self.value(raw.operand(a)?)?;
-        let b = if op == Collective::Shuffle { self.value(raw.operand(4)?)?.reg } else { 0 };
-        if self.types.words(a.ty)? != 1 {
-            return Err(self.unknown(format!("{} of vectors", ops::name(raw.op))));
+        let a = self.value_of(raw.operand(a)?, 1)?;
+        let b = if op == Collective::Shuffle { self.value_of(raw.operand(4)?, 1)? } else { 0 };
+        let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
+        let words = self.types.words(ty)?;
+        if words != op.words() {
+            return Err(self.unknown(format!("{} of {words} words", ops::name(raw.op))));
         }
-        let to = self.define(raw.operand(1)?, raw.operand(0)?)?;
-        self.push(raw, Instruction::Collective { op, to, a: a.reg, b });
+        let to = self.define(id, ty)?;
+        self.push(raw, Instruction::Collective { op, to, a, b });
         Ok(())
     }
 
@@ -285,7 +311,7 @@ impl Decoder {
     fn phi(&mut self, raw: &Raw) -> Result<(), Error> {
         let ty = raw.operand(0)?;
         let reg = self.define(raw.operand(1)?, ty)?;
-        let from = raw.operands[2..].as_chunks::<2>().0.iter().map(|[id, block]| (*id, *block));
+        let from = raw.rest(2).as_chunks::<2>().0.iter().map(|[id, block]| (*id, *block));
         let phi = Phi { to: Value { reg, ty }, from: from.collect() };
         self.phis.entry(self.block).or_default().push(phi);
         Ok(())
@@ -295,15 +321,15 @@ impl Decoder {
         let instruction = match raw.op {
             ops::Branch => Instruction::Jump(self.edge(raw.operand(0)?)),
             ops::BranchConditional => {
-                let condition = self.value(raw.operand(0)?)?.reg;
+                let condition = self.value_of(raw.operand(0)?, 1)?;
                 let [yes, no] = [raw.operand(1)?, raw.operand(2)?].map(|target| self.edge(target));
                 Instruction::Fork { condition, yes, no }
             }
             _ => {
-                let selector = self.value(raw.operand(0)?)?.reg;
+                let selector = self.value_of(raw.operand(0)?, 1)?;
                 let default = self.edge(raw.operand(1)?);
                 let first = self.module.cases.len() as u32;
-                for [literal, target] in raw.operands[2..].as_chunks::<2>().0 {
+                for [literal, target] in raw.rest(2).as_chunks::<2>().0 {
                     let edge = self.edge(*target);
                     self.module.cases.push((*literal, edge));
                 }

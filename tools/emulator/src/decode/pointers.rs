@@ -34,7 +34,7 @@ impl Decoder {
         let (id, base) = (raw.operand(1)?, raw.operand(2)?);
         let Pointer { mut address, mut to } = self.pointer(base)?;
         let (mut from, first) = (address, self.module.terms.len() as u32);
-        for index in &raw.operands[3..] {
+        for index in raw.rest(3) {
             let known = self.constants.get(index).copied();
             let (of, count) = match self.types.get(to)? {
                 Type::Struct { .. } => {
@@ -54,7 +54,7 @@ impl Decoder {
                     address = beyond(address, index * stride);
                 }
                 // An array at the end of a buffer: the access is checked against the buffer.
-                (Some(index), None) if index < 1 << 16 => address = beyond(address, index * stride),
+                (Some(index), None) if index < 1 << 10 => address = beyond(address, index * stride),
                 _ => {
                     // An array that ends with its buffer comes first; its elements are counted from here.
                     if self.module.terms.len() as u32 == first {
@@ -83,7 +83,7 @@ impl Decoder {
         let (Space::Storage(binding), NONE) = (address.space, address.reg) else {
             return Err(self.unknown("array's length"));
         };
-        let to = self.define(raw.operand(1)?, raw.operand(0)?)?;
+        let to = self.define_word(raw)?;
         let at = address.fixed + part.at;
         self.push(raw, Instruction::Length { to, binding, at, stride });
         Ok(())
@@ -107,13 +107,17 @@ impl Decoder {
 
     pub(super) fn load(&mut self, raw: &Raw) -> Result<(), Error> {
         let from = self.pointer(raw.operand(2)?)?;
-        let to = self.define(raw.operand(1)?, raw.operand(0)?)?;
+        let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
+        if self.types.words(ty)? != self.types.words(from.to)? {
+            return Err(self.unknown(format!("load of another type as %{id}")));
+        }
+        let to = self.define(id, ty)?;
         self.load_to(raw, to, &from)
     }
 
     pub(super) fn store(&mut self, raw: &Raw) -> Result<(), Error> {
         let to = self.pointer(raw.operand(0)?)?;
-        let from = self.value(raw.operand(1)?)?.reg;
+        let from = self.value_of(raw.operand(1)?, self.types.words(to.to)?)?;
         self.store_from(raw, &to, from)
     }
 
@@ -121,6 +125,9 @@ impl Decoder {
     pub(super) fn copy_memory(&mut self, raw: &Raw) -> Result<(), Error> {
         let (to, from) = (self.pointer(raw.operand(0)?)?, self.pointer(raw.operand(1)?)?);
         let words = self.types.words(from.to)?;
+        if words != self.types.words(to.to)? {
+            return Err(self.unknown_instruction(raw));
+        }
         let between = self.registers(words);
         self.load_to(raw, between, &from)?;
         self.store_from(raw, &to, between)
@@ -128,8 +135,8 @@ impl Decoder {
 
     pub(super) fn atomic(&mut self, raw: &Raw, op: Atomic) -> Result<(), Error> {
         let at = self.pointer(raw.operand(2)?)?.address;
-        let value = self.value(raw.operand(5)?)?.reg;
-        let to = self.define(raw.operand(1)?, raw.operand(0)?)?;
+        let value = self.value_of(raw.operand(5)?, 1)?;
+        let to = self.define_word(raw)?;
         self.push(raw, Instruction::Atomic { op, to, at, value });
         Ok(())
     }

@@ -9,7 +9,7 @@ use nvsprior::prior::Splats;
 use nvsprior::prior::analysis::PriorAnalysis;
 use nvsprior::render::definition::{Definition, Drawn};
 use nvsprior::{Camera, Pose, Prior};
-use nvsprior_emulator::{Dispatch, Module};
+use nvsprior_emulator::{Dispatch, Error, Module};
 use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::modules;
 use nvsprior_kernels::shared::{
@@ -184,6 +184,9 @@ pub struct Chain<'a> {
     pub params: Params,
     pub buffers: HashMap<&'static str, Vec<u32>>,
     pub instructions: u64,
+    /// What is run in place of the module with this entry point; and what was wrong with it.
+    pub broken: Option<(&'static str, Vec<u8>)>,
+    pub faults: Vec<Error>,
 }
 
 impl<'a> Chain<'a> {
@@ -195,7 +198,15 @@ impl<'a> Chain<'a> {
             tiles_per_group: settings.form.tiles_per_group(),
             ..view.drawn.params.with_rows(settings.row_shift)
         };
-        let mut chain = Chain { view, settings, params, buffers: HashMap::new(), instructions: 0 };
+        let mut chain = Chain {
+            view,
+            settings,
+            params,
+            buffers: HashMap::new(),
+            instructions: 0,
+            broken: None,
+            faults: Vec::new(),
+        };
         let (splats, tiles) = (params.splats, params.tiles_x * params.tiles_y);
         let table = BlockTable::new(TABLE, settings.log_sort_blocks, 0, DIGITS);
         for (name, words) in [
@@ -273,9 +284,14 @@ impl<'a> Chain<'a> {
             // memory. Each invocation has used what it read by then.
             barriers_order_storage: module.entry == modules::solve.entry,
         };
-        let emulated =
-            Module::new(module.spirv).and_then(|module| module.run(&dispatch, &mut buffers));
-        self.instructions += emulated.unwrap_or_else(|fault| panic!("{fault}")).instructions;
+        let broken = self.broken.as_ref().filter(|(entry, _)| *entry == module.entry);
+        let spirv = broken.map_or(module.spirv, |(_, spirv)| spirv);
+        let run = Module::new(spirv).and_then(|module| module.run(&dispatch, &mut buffers));
+        match run {
+            Ok(counts) => self.instructions += counts.instructions,
+            Err(fault) if self.broken.is_some() => self.faults.push(fault),
+            Err(fault) => panic!("{fault}"),
+        }
         self.buffers.extend(std::iter::zip(names.iter().copied(), buffers));
     }
 
@@ -332,11 +348,17 @@ impl<'a> Chain<'a> {
     }
 
     /// The sums of the normal equations against the buffer `frame`.
-    pub fn equations(&mut self) {
+    pub fn equations(&mut self) -> [f64; SUMS as usize] {
         let names = ["params", "ranges", "pair splats", "records", "frame", "partials", "counters"];
         let module = self.settings.form.modules().splat_flow;
         self.run(&module, self.groups().tile_groups, &[], &names);
+        self.reduced()
+    }
+
+    /// The sums over the tiles.
+    pub fn reduced(&mut self) -> [f64; SUMS as usize] {
         self.run(&modules::reduce, [1, 1, 1], &[], &["params", "partials", "sums"]);
+        std::array::from_fn(|k| f64::from(self.get::<f32>("sums")[k]))
     }
 
     /// The visible splats in depth order.

@@ -81,10 +81,12 @@ fn random_scenes() {
     for seed in 0..4 {
         let prior = random_prior(110 + seed, 700, 0);
         let log_bin_blocks = 2 + seed as u32 % 3;
-        assert_forms(&prior, camera(61, 43), random_pose(110 + seed), |form| Settings {
-            log_bin_blocks,
-            ..Settings::new(form, seed)
-        });
+        for scheduler in [seed, 10 + seed] {
+            assert_forms(&prior, camera(61, 43), random_pose(110 + seed), |form| Settings {
+                log_bin_blocks,
+                ..Settings::new(form, scheduler)
+            });
+        }
     }
 }
 

@@ -9,6 +9,7 @@ mod common;
 #[allow(dead_code)] // Pictures of the device are drawn elsewhere.
 mod difference;
 
+mod barriers;
 mod chain;
 mod lists;
 mod others;

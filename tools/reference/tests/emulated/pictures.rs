@@ -29,7 +29,9 @@ fn assert_pictures(prior: &Prior, camera: Camera, pose: Pose, seed: u64) {
 fn random_scenes() {
     for seed in 0..4 {
         let prior = random_prior(130 + seed, 600, seed as u32);
-        assert_pictures(&prior, camera(50, 37), random_pose(130 + seed), seed);
+        for scheduler in [seed, 10 + seed] {
+            assert_pictures(&prior, camera(50, 37), random_pose(130 + seed), scheduler);
+        }
     }
 }
 

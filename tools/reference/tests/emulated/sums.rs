@@ -2,7 +2,8 @@
 
 use nvsprior::render::{Jacobian, NormalEquations};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
-use nvsprior_kernels::shared::{MASKED, SUMS, TILE};
+use nvsprior_kernels::modules;
+use nvsprior_kernels::shared::{DERIVATIVES, Groups, MASKED, SUMS, TILE};
 use nvsprior_reference::Twin;
 
 use crate::agreement::assert_equations;
@@ -14,8 +15,7 @@ fn evaluated(view: &View, settings: Settings, frame: &[f32]) -> [f64; SUMS as us
     let mut chain = Chain::new(view, settings);
     chain.set("frame", frame);
     chain.tile_lists();
-    chain.equations();
-    std::array::from_fn(|k| f64::from(chain.get::<f32>("sums")[k]))
+    chain.equations()
 }
 
 fn assert_same(prior: &Prior, camera: Camera, pose: Pose, frame: &[f32], with: Settings) {
@@ -34,7 +34,9 @@ fn random_scenes() {
         let prior = random_prior(150 + seed, 500, seed as u32 % 3);
         let (camera, pose) = (camera(47, 35), random_pose(150 + seed));
         let frame = random_frame(150 + seed, &camera);
-        assert_same(&prior, camera, pose, &frame, Settings::new(FORMS[0], seed));
+        for scheduler in [seed, 10 + seed] {
+            assert_same(&prior, camera, pose, &frame, Settings::new(FORMS[0], scheduler));
+        }
     }
 }
 
@@ -60,6 +62,35 @@ fn without_a_clamp_and_over_a_background() {
     assert!(!View::new(&prior, camera, pose).analysis.clamps_alpha);
     let frame = random_frame(156, &camera);
     assert_same(&prior, camera, pose, &frame, Settings::new(FORMS[0], 3));
+}
+
+/// The exact Jacobian has one form.
+#[test]
+fn exact() {
+    let (prior, camera, pose) = (random_prior(158, 500, 1), camera(37, 30), random_pose(158));
+    let view = View::new(&prior, camera, pose);
+    let frame = random_frame(158, &camera);
+    let mut chain = Chain::new(&view, Settings::new(FORMS[1], 1));
+    chain.set("frame", &frame);
+    chain.set("derivatives", &vec![0_u32; 4 * (DERIVATIVES * (chain.params.splats + 1)) as usize]);
+    chain.tile_lists();
+    let Groups { splats, tiles, .. } = Groups::of(&chain.params);
+    let names = ["params", "geometry", "sh", "records", "keys", "derivatives"];
+    chain.run(&modules::pose_jacobian, splats, &[], &names);
+    let names = [
+        "params",
+        "ranges",
+        "pair splats",
+        "records",
+        "frame",
+        "partials",
+        "derivatives",
+        "counters",
+    ];
+    chain.run(&modules::splat_exact, tiles, &[], &names);
+    let expected = Twin::new(&prior).normal_equations(&camera, &pose, &frame, Jacobian::Exact);
+    let got = NormalEquations::from_sums(&chain.reduced(), expected.residuals);
+    assert_equations("exact", &got, &expected);
 }
 
 /// Rows of tiles that are not drawn count as if they were masked.
