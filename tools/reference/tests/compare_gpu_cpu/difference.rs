@@ -38,7 +38,7 @@ pub fn assert_same(name: &str, prior: &Prior, camera: &Camera, pose: &Pose) {
 }
 
 /// What is wrong with a picture, if anything.
-fn fault(gpu: &[f32], twin: &Rendered) -> Option<String> {
+pub fn fault(gpu: &[f32], twin: &Rendered) -> Option<String> {
     assert_eq!(gpu.len(), twin.pixels.len() * 5, "floats of the picture");
     let mut square = 0.0;
     for (at, pixel) in gpu.chunks_exact(5).enumerate() {

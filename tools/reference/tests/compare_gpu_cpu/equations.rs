@@ -1,43 +1,20 @@
 //! The normal equations of the device against the twin's.
 
-use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer};
+use nvsprior::render::{Jacobian, Plan, Renderer};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 use nvsprior_kernels::shared::MASKED;
 use nvsprior_reference::Twin;
 
+use crate::agreement::assert_equations;
 use crate::common::{self, camera, random_frame, random_pose, random_prior, random_splats};
 
 const BOTH: [Jacobian; 2] = [Jacobian::Flow, Jacobian::Exact];
-
-/// Largest error of an entry, relative to its bound by Cauchy–Schwarz. On lavapipe the worst is
-/// 9e-6, in the reef prior.
-const TOLERANCE: f64 = 1e-4;
 
 fn renderer(prior: &Prior, camera: &Camera) -> Renderer {
     let engine = common::engine();
     let scene = engine.upload(prior).unwrap();
     let plan = Plan { jacobians: BOTH.to_vec(), ..Plan::picture() };
     engine.renderer(&scene, camera, plan).unwrap()
-}
-
-/// Holds JᵀJ, Jᵀr and Σ r² against the twin's.
-fn assert_equations(what: &str, got: &NormalEquations, twin: &NormalEquations) {
-    assert_eq!(got.residuals, twin.residuals, "{what}");
-    let length = |k: usize| twin.jtj[k][k].sqrt();
-    let close = |name: String, got: f64, expected: f64, bound: f64| {
-        let error = (got - expected).abs() / bound;
-        assert!(error <= TOLERANCE, "{what}: {name} = {got}, twin {expected}, off {error:e}");
-    };
-    for row in 0..6 {
-        for column in 0..6 {
-            let bound = length(row) * length(column);
-            let (got, expected) = (got.jtj[row][column], twin.jtj[row][column]);
-            close(format!("JᵀJ[{row}, {column}]"), got, expected, bound);
-        }
-        let bound = length(row) * twin.square.sqrt();
-        close(format!("Jᵀr[{row}]"), got.jtr[row], twin.jtr[row], bound);
-    }
-    close("Σ r²".into(), got.square, twin.square, twin.square);
 }
 
 fn assert_same(what: &str, prior: &Prior, camera: &Camera, pose: &Pose) {

@@ -3,6 +3,7 @@
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
 
+mod agreement;
 mod difference;
 mod equations;
 mod frame;

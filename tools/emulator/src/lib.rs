@@ -1,0 +1,29 @@
+//! An emulator: runs a SPIR-V compute module on the host, one invocation after another, with subgroups of any size.
+//! So the very modules that ship can be tested for subgroups that no device at hand has.
+//!
+//! It checks what a device does not: every access is within bounds, every word of shared memory is written before it is
+//! read, no two invocations race for a word, and all lanes of a subgroup meet at the same operation. The order of
+//! invocations, and which of them are a subgroup, are drawn from a seed.
+//!
+//! Every access to shared memory counts as one that other invocations may see, whether the module marks it so
+//! (NonPrivatePointer) or not. What barriers order, they also make visible.
+//!
+//! It knows what the modules of this project use: one function, 32-bit numbers, the GLSL450 operations that occur.
+//! Anything else is an [`Error`].
+
+mod decode;
+mod error;
+mod layout;
+mod memory;
+mod ops;
+mod program;
+mod races;
+mod run;
+mod subgroups;
+mod turn;
+mod values;
+
+pub use decode::without_barrier;
+pub use error::{Error, Place};
+pub use program::Module;
+pub use run::{Counts, Dispatch};
