@@ -7,6 +7,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+mod memory_model;
+mod words;
+
+use words::{HEADER, bytes, instructions, words};
+
 use spirv_builder::{Capability, ModuleResult, ShaderPanicStrategy, SpirvBuilder, SpirvMetadata};
 
 const TOOLCHAIN: &str = "nightly-2026-08-15";
@@ -80,6 +85,7 @@ fn build(root: &Path) -> Result<Modules, Box<dyn Error>> {
             spirv = uncontracted(&spirv);
         }
         let file = file.with_extension("optimised.spv");
+        let spirv = memory_model::ordered_by_barriers(&spirv);
         let spirv = without_idle_capabilities(&optimised(&file, &spirv)?);
         validate(&file, &spirv)?;
         check_structures(&name, &spirv)?;
@@ -108,26 +114,7 @@ fn uncontracted(spirv: &[u8]) -> Vec<u8> {
         .chain(before.iter().flat_map(|i| i.iter().copied()))
         .chain(decorations)
         .chain(after.iter().flat_map(|i| i.iter().copied()));
-    all.flat_map(u32::to_le_bytes).collect()
-}
-
-/// Words of a module's header.
-const HEADER: usize = 5;
-
-fn words(spirv: &[u8]) -> Vec<u32> {
-    spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
-}
-
-/// The instructions after the header.
-fn instructions(words: &[u32]) -> Vec<&[u32]> {
-    let mut instructions = Vec::new();
-    let mut at = HEADER;
-    while at < words.len() {
-        let count = (words[at] >> 16).max(1) as usize;
-        instructions.push(&words[at..(at + count).min(words.len())]);
-        at += count;
-    }
-    instructions
+    bytes(all)
 }
 
 /// Removes the capabilities of subgroup operations and of 64-bit integers that a module does not use: a device need not
@@ -154,7 +141,7 @@ fn without_idle_capabilities(spirv: &[u8]) -> Vec<u8> {
     };
     let kept =
         instructions.iter().filter(|i| i[0] & 0xffff != OP_CAPABILITY || !idle(i[1])).copied();
-    words[..HEADER].iter().chain(kept.flatten()).flat_map(|w| w.to_le_bytes()).collect()
+    bytes(words[..HEADER].iter().chain(kept.flatten()).copied())
 }
 
 /// Whether an instruction declares a built-in number of subgroups or of their invocations.

@@ -290,17 +290,12 @@ fn count<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     records: &B,
     starts: &mut [u32],
 ) {
-    if (group.x == 0) & (group.y == 0) & (lane == 0) {
-        counters.pairs_needed = 0;
-    }
     let share = Share::new::<L>(params, counters.visible, split, group);
     let [first_tile, tiles] = share.tiles(params);
     let start = group.x * params.tiles_x * params.tiles_y + first_tile;
     let mut tile = lane;
     while tile < tiles {
         *at_mut(table, tile) = 0;
-        // If the driver ends the loops early, this stays: more pairs than there can be room for.
-        *at_mut(starts, start + tile) = u32::MAX;
         tile += L::COUNT;
     }
     L::sync();
@@ -321,12 +316,16 @@ fn count<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
             let (prefix, all) = L::sum(if inside { at(table, tile) } else { 0 }, lane, scratch);
             if inside {
                 let count = before.wrapping_add(prefix).wrapping_add(at(table, tile));
-                *at_mut(starts, start + tile) = if cut { u32::MAX } else { count };
+                *at_mut(starts, start + tile) = count;
             }
             before = before.wrapping_add(all);
             column += L::COUNT;
         }
+        cut |= column - lane < params.tiles_x;
         first += params.tiles_x;
+    }
+    if cut | (first < tiles) {
+        tell_cut(counters);
     }
 }
 
@@ -342,11 +341,11 @@ struct Four {
 }
 
 impl Four {
-    /// Cells from `first` on, `step` apart. From `end` on the table has no cells.
-    fn load(table: &[u32], first: u32, step: u32, end: u32) -> Four {
+    /// Cells from `first` on, `step` apart. From `end` on the table has no cells; then `other` is loaded, which no other
+    /// invocation writes.
+    fn load(table: &[u32], first: u32, step: u32, end: u32, other: u32) -> Four {
         let there = first < end;
-        // Those that are not there are loaded from the beginning of the table, which always exists.
-        let cell = |k: u32| if there { first + k * step } else { 0 };
+        let cell = |k: u32| if there { first + k * step } else { other };
         let cells = [cell(0), cell(1), cell(2), cell(3)];
         let [a, b, c, d] = cells;
         let counts = [at(table, a), at(table, b), at(table, c), at(table, d)];
@@ -429,10 +428,10 @@ fn scan<L: Scan>(
 /// Sixteen cells of a table, as [`Four::load`].
 fn sixteen(table: &[u32], first: u32, step: u32, end: u32) -> [Four; 4] {
     [
-        Four::load(table, first, step, end),
-        Four::load(table, first + 4 * step, step, end),
-        Four::load(table, first + 8 * step, step, end),
-        Four::load(table, first + 12 * step, step, end),
+        Four::load(table, first, step, end, first),
+        Four::load(table, first + 4 * step, step, end, first),
+        Four::load(table, first + 8 * step, step, end, first),
+        Four::load(table, first + 12 * step, step, end, first),
     ]
 }
 

@@ -100,9 +100,11 @@ fn colour<B: Pairs + ?Sized>(
     [shared::shown(rgb[0]), shared::shown(rgb[1]), shared::shown(rgb[2])]
 }
 
-/// Projects splat `i` and writes its record, if it is seen, and its key. Returns the key.
+/// Projects splat `i` and writes its record, if it is seen, and its key, unless another invocation does so. Returns the
+/// key.
 fn one<B: Pairs + ?Sized>(
     i: u32,
+    writes: bool,
     params: &Params,
     sh_degree: u32,
     geometry: &B,
@@ -117,13 +119,15 @@ fn one<B: Pairs + ?Sized>(
     // In front of the near plane: bits of positive floats are in the order of their values.
     let key = if seen { s.depth.to_bits() - params.near.to_bits() } else { CULLED };
     let record = i * shared::RECORD;
-    if seen {
+    if seen & writes {
         let [r, g, b] = colour(params, sh_degree, sh, i, splat.world);
         *at_mut(records, record) = Vec4::new(s.mean[0], s.mean[1], s.conic[0], s.conic[1]);
         *at_mut(records, record + 1) = Vec4::new(s.conic[2], s.log_opacity, s.sigma[0], s.sigma[1]);
         *at_mut(records, record + 2) = Vec4::new(r, g, b, s.depth);
     }
-    *at_mut(keys, i) = key;
+    if writes {
+        *at_mut(keys, i) = key;
+    }
     key
 }
 
@@ -159,6 +163,7 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
     let bits = shared::digit_bits(shared::largest_key(&params));
     if (block == 0) & (lane == 0) {
         counters.digit_bits = bits;
+        counters.pairs_needed = 0;
         make_empty(params.splats, records);
     }
     let table = table(bits, view.log_blocks, view.digit);
@@ -166,9 +171,10 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
     let [first, end] = shared::block(params.splats, view.log_blocks, block, SORT_STEP);
     let mut place = first + lane;
     while place - lane < end {
-        // Beyond the last splat, it is projected again and not counted.
-        let key = one(place.min(end - 1), &params, sh_degree, geometry, sh, records, keys);
-        let counted = (place < end) & (key != CULLED);
+        // Beyond the last splat, it is projected again, and neither written nor counted.
+        let there = place < end;
+        let key = one(place.min(end - 1), there, &params, sh_degree, geometry, sh, records, keys);
+        let counted = there & (key != CULLED);
         L::tally(bins, digit_of(key, bits, view.digit), 1, counted, lane, scratch);
         place += L::COUNT;
     }

@@ -5,6 +5,8 @@
 use crate::reduce::{self, Columns};
 use crate::search::{self, Anchor, FOUND, PoseCode, Search};
 use crate::shared::{Counters, Groups, Params, SUMS};
+use spirv_std::arch::control_barrier;
+use spirv_std::memory::{Scope, Semantics};
 use spirv_std::spirv;
 
 /// The pose that is drawn, as its packet holds it, and the frame that it is relative to.
@@ -30,6 +32,10 @@ pub fn solve(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] coded: &mut Coded,
 ) {
     reduce::total(lane, params.tiles_x * params.tiles_y, partials, scratch);
+    // All have read the parameters before one changes them.
+    const SCOPE: u32 = Scope::Workgroup as u32;
+    const SEMANTICS: u32 = Semantics::ACQUIRE_RELEASE.bits() | Semantics::UNIFORM_MEMORY.bits();
+    control_barrier::<SCOPE, SCOPE, SEMANTICS>();
     if lane != 0 {
         return;
     }

@@ -47,6 +47,14 @@ pub enum Error {
         /// What is wrong.
         what: String,
     },
+    /// An access to memory that invocations share, which no barrier orders.
+    #[error("{entry}: the access at word {word} is private")]
+    Private {
+        /// The module's entry point.
+        entry: String,
+        /// The instruction's first word in the module.
+        word: u32,
+    },
     /// An access beyond the end.
     #[error("{place}: index {index} of {memory} is out of bounds")]
     OutOfBounds {

@@ -5,8 +5,8 @@
 //! read, no two invocations race for a word, and all lanes of a subgroup meet at the same operation. The order of
 //! invocations, and which of them are a subgroup, are drawn from a seed.
 //!
-//! Every access to shared memory counts as one that other invocations may see, whether the module marks it so
-//! (NonPrivatePointer) or not. What barriers order, they also make visible.
+//! The memory model is Vulkan's. So an access to memory that invocations share must say that it is not private, and a
+//! barrier orders such accesses only if it makes them visible.
 //!
 //! It knows what the modules of this project use: one function, 32-bit numbers, the GLSL450 operations that occur.
 //! Anything else is an [`Error`].

@@ -11,8 +11,6 @@ pub struct Memory<'a> {
     histories: Vec<History>,
     shared_history: History,
     clock: Clock,
-    equal_writes: bool,
-    barriers_order_storage: bool,
 }
 
 /// The invocation that accesses memory.
@@ -37,8 +35,6 @@ impl<'a> Memory<'a> {
             histories,
             shared_history: History::new(words),
             clock: Clock::default(),
-            equal_writes: dispatch.equal_writes,
-            barriers_order_storage: dispatch.barriers_order_storage,
         }
     }
 
@@ -50,8 +46,7 @@ impl<'a> Memory<'a> {
     }
 
     pub fn pass(&mut self, barrier: Barrier, subgroup: u32) {
-        let storage = barrier.storage || self.barriers_order_storage;
-        self.clock.pass(Barrier { storage, ..barrier }, subgroup as usize);
+        self.clock.pass(barrier, subgroup as usize);
     }
 
     pub fn accessor(&self, invocation: u32, subgroup: u32, group: u32) -> Accessor {
@@ -111,11 +106,10 @@ impl<'a> Memory<'a> {
         from: &[u32],
     ) -> Result<(), Fault> {
         self.inside(space, at, from.len() as u32)?;
-        let may_equal = self.equal_writes;
         let (memory, history, who, shared) = self.writable(who, space, at)?;
         for (word, from) in (at..).zip(from) {
             let equal = memory[word as usize] == *from;
-            history.write(word, who, equal, shared, may_equal)?;
+            history.write(word, who, equal, shared)?;
             memory[word as usize] = *from;
         }
         Ok(())

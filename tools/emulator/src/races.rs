@@ -187,24 +187,17 @@ impl History {
         Ok(())
     }
 
-    /// A write of a word that exists. `equal`: of the value that is there; if `may_equal`, this is no race of writes.
-    pub fn write(
-        &mut self,
-        at: u32,
-        who: &Who,
-        equal: bool,
-        shared: bool,
-        may_equal: bool,
-    ) -> Result<(), Fault> {
+    /// A write of a word that exists. `equal`: of the value that is there.
+    pub fn write(&mut self, at: u32, who: &Who, equal: bool, shared: bool) -> Result<(), Fault> {
         const ACCESS: &str = "write";
         let word = &mut self.words[at as usize];
         if !word.write.is_before(who) {
             let other = word.write.invocation;
-            match (equal, may_equal) {
-                (true, true) => {}
-                (true, false) => return Err(Fault::Equal { word: at, other }),
-                _ => return Err(race(at, ACCESS, other)),
-            }
+            return Err(if equal {
+                Fault::Equal { word: at, other }
+            } else {
+                race(at, ACCESS, other)
+            });
         }
         if let Some(other) = word.atomics.beside(who).or_else(|| word.reads.beside(who)) {
             return Err(race(at, ACCESS, other));

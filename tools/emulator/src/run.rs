@@ -23,10 +23,6 @@ pub struct Dispatch<'a> {
     /// What the order of workgroups and invocations is drawn from, and which invocations are a subgroup. 0: all in
     /// turn.
     pub seed: u64,
-    /// Whether invocations of a workgroup may write the same value to a word at once.
-    pub equal_writes: bool,
-    /// Whether a barrier orders storage buffers even if it names only shared memory.
-    pub barriers_order_storage: bool,
 }
 
 /// What a run took.

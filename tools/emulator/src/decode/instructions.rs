@@ -14,6 +14,8 @@ const SUBGROUP: u32 = 3;
 
 /// Bits of memory semantics.
 const ACQUIRES_AND_RELEASES: u32 = 0x8;
+const MAKES_AVAILABLE: u32 = 0x2000;
+const MAKES_VISIBLE: u32 = 0x4000;
 const OF_STORAGE: u32 = 0x40;
 const OF_WORKGROUP: u32 = 0x100;
 
@@ -259,7 +261,8 @@ impl Decoder {
         if !matches!(execution, WORKGROUP | SUBGROUP) || memory > execution {
             return Err(self.unknown(format!("barrier of scopes {execution}, {memory}")));
         }
-        let orders = semantics & ACQUIRES_AND_RELEASES != 0;
+        let needed = ACQUIRES_AND_RELEASES | MAKES_AVAILABLE | MAKES_VISIBLE;
+        let orders = semantics & needed == needed;
         self.push(
             raw,
             Instruction::Barrier(Barrier {

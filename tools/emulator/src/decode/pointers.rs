@@ -105,8 +105,21 @@ impl Decoder {
         Ok(())
     }
 
+    /// Refuses an access to shared memory that is private: no barrier orders it. `operand`: where the memory operands
+    /// are, if there are any.
+    fn seen_by_others(&self, raw: &Raw, pointer: &Pointer, operand: usize) -> Result<(), Error> {
+        const NON_PRIVATE: u32 = 0x20;
+        let is_shared = matches!(pointer.address.space, Space::Shared | Space::Storage(_));
+        if is_shared && raw.operand(operand).unwrap_or(0) & NON_PRIVATE == 0 {
+            let (entry, word) = (self.module.entry.clone(), raw.word);
+            return Err(Error::Private { entry, word });
+        }
+        Ok(())
+    }
+
     pub(super) fn load(&mut self, raw: &Raw) -> Result<(), Error> {
         let from = self.pointer(raw.operand(2)?)?;
+        self.seen_by_others(raw, &from, 3)?;
         let (ty, id) = (raw.operand(0)?, raw.operand(1)?);
         if self.types.words(ty)? != self.types.words(from.to)? {
             return Err(self.unknown(format!("load of another type as %{id}")));
@@ -117,6 +130,7 @@ impl Decoder {
 
     pub(super) fn store(&mut self, raw: &Raw) -> Result<(), Error> {
         let to = self.pointer(raw.operand(0)?)?;
+        self.seen_by_others(raw, &to, 2)?;
         let from = self.value_of(raw.operand(1)?, self.types.words(to.to)?)?;
         self.store_from(raw, &to, from)
     }
@@ -124,6 +138,8 @@ impl Decoder {
     /// Copies what a pointer points to.
     pub(super) fn copy_memory(&mut self, raw: &Raw) -> Result<(), Error> {
         let (to, from) = (self.pointer(raw.operand(0)?)?, self.pointer(raw.operand(1)?)?);
+        self.seen_by_others(raw, &to, 2)?;
+        self.seen_by_others(raw, &from, if raw.operand(3).is_ok() { 3 } else { 2 })?;
         let words = self.types.words(from.to)?;
         if words != self.types.words(to.to)? {
             return Err(self.unknown_instruction(raw));

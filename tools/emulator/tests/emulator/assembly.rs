@@ -24,7 +24,11 @@ const MAIN: u32 = 14;
 /// Memory semantics of barriers, beside [`constant`]s.
 pub const ORDERS_SHARED: u32 = 15;
 pub const ORDERS_STORAGE: u32 = 16;
+/// Orders shared memory, but makes no write visible.
+pub const SHOWS_NOTHING: u32 = 27;
 
+/// Memory operand of an access that barriers order.
+pub const NON_PRIVATE: u32 = 0x20;
 /// Words of shared memory.
 const SHARED_WORDS: u32 = 64;
 
@@ -50,11 +54,11 @@ pub fn op(code: u32, operands: &[u32]) -> Op {
 
 /// Access chain, and load or store, of a word of the buffer. `id`: a number of its own for the chain.
 pub fn store_to_buffer(id: u32, at: u32, value: u32) -> [Op; 2] {
-    [op(65, &[TO_BUFFER, id, BUFFER, constant(0), at]), op(62, &[id, value])]
+    [op(65, &[TO_BUFFER, id, BUFFER, constant(0), at]), op(62, &[id, value, NON_PRIVATE])]
 }
 
 pub fn load_from_buffer(id: u32, at: u32, value: u32) -> [Op; 2] {
-    [op(65, &[TO_BUFFER, id, BUFFER, constant(0), at]), op(61, &[WORD, value, id])]
+    [op(65, &[TO_BUFFER, id, BUFFER, constant(0), at]), op(61, &[WORD, value, id, NON_PRIVATE])]
 }
 
 /// Adds one to a word of the buffer.
@@ -64,11 +68,11 @@ pub fn count_in_buffer(id: u32, at: u32, before: u32) -> [Op; 2] {
 }
 
 pub fn store_to_shared(id: u32, at: u32, value: u32) -> [Op; 2] {
-    [op(65, &[TO_SHARED, id, SHARED, at]), op(62, &[id, value])]
+    [op(65, &[TO_SHARED, id, SHARED, at]), op(62, &[id, value, NON_PRIVATE])]
 }
 
 pub fn load_from_shared(id: u32, at: u32, value: u32) -> [Op; 2] {
-    [op(65, &[TO_SHARED, id, SHARED, at]), op(61, &[WORD, value, id])]
+    [op(65, &[TO_SHARED, id, SHARED, at]), op(61, &[WORD, value, id, NON_PRIVATE])]
 }
 
 pub fn barrier(scope: u32, semantics: u32) -> Op {
@@ -116,8 +120,9 @@ pub fn words(size: u32, body: &[Op]) -> Vec<u8> {
         op(20, &[BOOL]),
         op(21, &[WORD, 32, 0]),
         op(23, &[FOUR, WORD, 4]),
-        op(43, &[WORD, ORDERS_SHARED, 0x108]),
-        op(43, &[WORD, ORDERS_STORAGE, 0x48]),
+        op(43, &[WORD, ORDERS_SHARED, 0x6108]),
+        op(43, &[WORD, ORDERS_STORAGE, 0x6048]),
+        op(43, &[WORD, SHOWS_NOTHING, 0x108]),
     ];
     ops.extend((0..80).map(|value| op(43, &[WORD, constant(value), value])));
     ops.extend([
@@ -146,15 +151,7 @@ pub fn words(size: u32, body: &[Op]) -> Vec<u8> {
 
 /// A dispatch along one axis.
 pub fn dispatch(groups: u32, subgroup: u32, seed: u64) -> Dispatch<'static> {
-    Dispatch {
-        groups: [groups, 1, 1],
-        push: &[],
-        constants: &[],
-        subgroup,
-        seed,
-        equal_writes: false,
-        barriers_order_storage: false,
-    }
+    Dispatch { groups: [groups, 1, 1], push: &[], constants: &[], subgroup, seed }
 }
 
 /// Runs a module of one workgroup, of subgroups of 8, on a buffer.

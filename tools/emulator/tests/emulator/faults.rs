@@ -11,6 +11,19 @@ fn fault(body: &[Vec<Op>], seed: u64) -> Error {
 }
 
 #[test]
+fn a_private_access_is_refused() {
+    let [chain, mut load] = load_from_shared(50, constant(0), 51);
+    // Without the memory operand.
+    load.pop();
+    load[0] -= 1 << 16;
+    let of_buffer = store_to_buffer(50, constant(0), INDEX);
+    assert!(matches!(fault(&[vec![chain, load]], 0), Error::Private { .. }));
+    let [chain, mut store] = of_buffer;
+    store[3] = 0;
+    assert!(matches!(fault(&[vec![chain, store]], 0), Error::Private { .. }));
+}
+
+#[test]
 fn a_divergent_shuffle_is_found() {
     let shuffle = op(345, &[WORD, 50, subgroup(), LANE, constant(1)]);
     let any = vec![op(176, &[BOOL, 51, LANE, constant(2)]), op(335, &[BOOL, 52, subgroup(), 51])];

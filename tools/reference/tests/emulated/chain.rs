@@ -13,8 +13,8 @@ use nvsprior_emulator::{Dispatch, Error, Module};
 use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::modules;
 use nvsprior_kernels::shared::{
-    CULLED, DIGITS, GEOMETRY_PLANES, Groups, PIXEL, Params, RECORD, SUMS, TABLE, band_rows,
-    digit_bits, sh_coefficients, sh_planes, tiles_per_group,
+    CULLED, DIGITS, GEOMETRY_PLANES, Groups, PIXEL, Params, RECORD, SUMS, TABLE, digit_bits,
+    sh_coefficients, sh_planes, tiles_per_group,
 };
 
 /// What nobody has written yet.
@@ -195,6 +195,7 @@ impl<'a> Chain<'a> {
             pair_capacity: settings.room,
             sort_blocks: 1 << settings.log_sort_blocks,
             bin_blocks: 1 << settings.log_bin_blocks,
+            band_rows: TABLE / view.drawn.params.tiles_x,
             tiles_per_group: settings.form.tiles_per_group(),
             ..view.drawn.params.with_rows(settings.row_shift)
         };
@@ -222,7 +223,7 @@ impl<'a> Chain<'a> {
             ("none", 1),
             ("order", splats),
             ("starts", (tiles << settings.log_bin_blocks) + tiles),
-            ("bands", params.tiles_y.div_ceil(band_rows(params.tiles_x))),
+            ("bands", params.tiles_y.div_ceil(params.band_rows)),
             ("ranges", 2 * tiles),
             ("pair splats", settings.room),
             ("image", params.width * params.height * PIXEL),
@@ -278,11 +279,6 @@ impl<'a> Chain<'a> {
             constants: &self.view.constants(self.settings.depth),
             subgroup: self.settings.form.subgroup,
             seed: self.settings.seed,
-            // Beyond the last splat, invocations of stage `project` write its record and its key again.
-            equal_writes: module.entry == modules::project.entry,
-            // The last barrier of stage `solve`, before it writes the parameters that all have read, names only shared
-            // memory. Each invocation has used what it read by then.
-            barriers_order_storage: module.entry == modules::solve.entry,
         };
         let broken = self.broken.as_ref().filter(|(entry, _)| *entry == module.entry);
         let spirv = broken.map_or(module.spirv, |(_, spirv)| spirv);

@@ -42,15 +42,7 @@ fn arithmetic() {
     let expected = numbers.iter().flat_map(|[a, b, c]| sample(*a, *b, *c).map(f32::to_bits));
     let expected: Vec<u32> = expected.collect();
     let mut buffers = [bytemuck::pod_collect_to_vec(&numbers), vec![0; expected.len()]];
-    let dispatch = Dispatch {
-        groups: [4, 1, 1],
-        push: &[],
-        constants: &[],
-        subgroup: 32,
-        seed: 1,
-        equal_writes: false,
-        barriers_order_storage: false,
-    };
+    let dispatch = Dispatch { groups: [4, 1, 1], push: &[], constants: &[], subgroup: 32, seed: 1 };
     let module = Module::new(modules::arithmetic.spirv).unwrap();
     module.run(&dispatch, &mut buffers).unwrap();
     assert!(buffers[1] == expected);
