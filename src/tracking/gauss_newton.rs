@@ -123,7 +123,7 @@ impl Default for GaussNewtonOptions {
                 renders: 8,
                 near: 1.0,
                 far_level: 0,
-                coarse_leap: 0.02,
+                coarse_leap: 0.05,
                 leap: 0.08,
                 coarse_tolerance: 1e-3,
                 tolerance: 1e-4,
