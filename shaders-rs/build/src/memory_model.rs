@@ -11,8 +11,8 @@ const OP_LOAD: u32 = 61;
 const OP_STORE: u32 = 62;
 const OP_COPY_MEMORY: u32 = 63;
 const OP_CONTROL_BARRIER: u32 = 224;
-/// `Variable`, `AccessChain`, `InBoundsAccessChain`, `PtrAccessChain`, `InBoundsPtrAccessChain`, `CopyObject`, `Select`,
-/// `Phi`.
+/// `Variable`, `AccessChain`, `InBoundsAccessChain`, `PtrAccessChain`, `InBoundsPtrAccessChain`, `CopyObject`,
+/// `Select`, `Phi`.
 const MAKES_POINTERS: [u32; 8] = [59, 65, 66, 67, 70, 83, 169, 245];
 /// Storage classes of memory that invocations share: `Workgroup`, `StorageBuffer`.
 const SHARED: [u32; 2] = [4, 12];

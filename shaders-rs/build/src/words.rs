@@ -1,4 +1,5 @@
-//! A SPIR-V module as words and as instructions. An instruction's first word holds its number of words and its operation.
+//! A SPIR-V module as words and as instructions. An instruction's first word holds its number of words and its
+//! operation.
 
 /// Words of a module's header.
 pub const HEADER: usize = 5;

@@ -341,8 +341,8 @@ struct Four {
 }
 
 impl Four {
-    /// Cells from `first` on, `step` apart. From `end` on the table has no cells; then `other` is loaded, which no other
-    /// invocation writes.
+    /// Cells from `first` on, `step` apart. From `end` on the table has no cells; then `other` is loaded, which no
+    /// other invocation writes.
     fn load(table: &[u32], first: u32, step: u32, end: u32, other: u32) -> Four {
         let there = first < end;
         let cell = |k: u32| if there { first + k * step } else { other };

@@ -191,8 +191,8 @@ impl Tracker {
         Ok(PoseEstimate { begun: *start, ..found })
     }
 
-    /// Whether a cold search ended at an error that is no larger than the start's. If the start's coarse error leaves no
-    /// doubt, that costs no render. Else the start is drawn, and what was found is not drawn any more.
+    /// Whether a cold search ended at an error that is no larger than the start's. If the start's coarse error leaves
+    /// no doubt, that costs no render. Else the start is drawn, and what was found is not drawn any more.
     fn no_worse_than(&mut self, found: &mut PoseEstimate, start: &Pose) -> Result<bool, Error> {
         if found.outcome.mse <= CLEARLY * self.cold.error() {
             return Ok(true);

@@ -21,8 +21,8 @@ const FAR: f64 = 2.0;
 /// If a frame's error is more than this many times that of the frame before, it is searched again from the coarsest
 /// level: its start may have been too far off for a fine level.
 const WORSE: f64 = 1.15;
-/// Mean squared error of the frame before from which on sparse evaluations are taken. What they make of the pose adds some
-/// 10⁻⁵ to the error at most; below this, that would be seen.
+/// Mean squared error of the frame before from which on sparse evaluations are taken. What they make of the pose adds
+/// some 10⁻⁵ to the error at most; below this, that would be seen.
 const ROUGH: f64 = 1e-3;
 /// Going back along directions that the picture does not determine may multiply the error by this at most.
 const SETTLED: f64 = 1.01;
