@@ -24,9 +24,6 @@ const LIKELY: usize = 6;
 const COMPARISONS: usize = 4;
 /// Poses that come of that and are looked at more closely.
 const COMPARED: usize = 8;
-/// A full picture's error is below the coarse error elsewhere, without doubt, if it is at most this share of it: coarse
-/// errors are smaller than full ones, but for what coarse splats blur.
-const CLEARLY: f64 = 0.8;
 /// A hint disagrees with the track beyond this many standard deviations.
 const DISAGREES: f64 = 3.0;
 /// Standard deviations of a hint that states none: as a share of the scene's depth, and in radians.
@@ -174,6 +171,7 @@ impl Tracker {
         cold: &Schedule,
         warm: &Schedule,
     ) -> Result<PoseEstimate, Error> {
+        let (_, begun) = self.draw(start)?;
         let mut from = std::mem::take(&mut self.cold_starts);
         let proposed = self.cold.starts(&mut self.objective, frame, start, HYPOTHESES)?;
         from.clear();
@@ -184,22 +182,11 @@ impl Tracker {
         if !(found.first_mse <= self.cold.error()) {
             found = found.or_last(self.from(&[*start], cold)?);
         }
-        if !self.no_worse_than(&mut found, start)? {
+        if !(found.outcome.mse <= begun) {
             let near = Schedule { first_level: 0, follow_level: 0, far_level: 0, ..*warm };
             found = found.or_last(self.from(&[*start], &near)?);
         }
         Ok(PoseEstimate { begun: *start, ..found })
-    }
-
-    /// Whether a cold search ended at an error that is no larger than the start's. If the start's coarse error leaves
-    /// no doubt, that costs no render. Else the start is drawn, and what was found is not drawn any more.
-    fn no_worse_than(&mut self, found: &mut PoseEstimate, start: &Pose) -> Result<bool, Error> {
-        if found.outcome.mse <= CLEARLY * self.cold.error() {
-            return Ok(true);
-        }
-        let (_, begun) = self.draw(start)?;
-        found.drawn = None;
-        Ok(found.outcome.mse <= begun)
     }
 
     /// Renders of all levels so far.
