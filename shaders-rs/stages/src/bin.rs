@@ -8,6 +8,7 @@
 //! the tile after its last: the counts are the sums along the picture's rows. To write, the workgroup walks the tiles
 //! of those rows as it walks the rows.
 
+use crate::counters::clear;
 use crate::lanes::{
     LargeTable, Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide,
 };
@@ -293,12 +294,7 @@ fn count<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     let share = Share::new::<L>(params, counters.visible, split, group);
     let [first_tile, tiles] = share.tiles(params);
     let start = group.x * params.tiles_x * params.tiles_y + first_tile;
-    let mut tile = lane;
-    while tile < tiles {
-        *at_mut(table, tile) = 0;
-        tile += L::COUNT;
-    }
-    L::sync();
+    clear::<L, TABLE>(table, tiles, lane);
     for_rows!(params, share, order, records, lane, scratch, cut, |row| {
         let any = row.count > 0;
         L::tally(table, row.first_tile, 1, any, lane, scratch);

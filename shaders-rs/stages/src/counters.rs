@@ -11,7 +11,7 @@ use spirv_std::memory::{Scope, Semantics};
 // of its sum.
 
 /// Sets the counters of a workgroup to zero.
-pub fn clear<L: Lanes>(counters: &mut Table, width: u32, lane: u32) {
+pub fn clear<L: Lanes, const N: usize>(counters: &mut [u32; N], width: u32, lane: u32) {
     let mut column = lane;
     while column < width {
         *at_mut(counters, column) = 0;

@@ -24,7 +24,7 @@ pub type Scratch = [u32; (SLOTS * PLAIN) as usize];
 
 /// Counters of a workgroup, in shared memory.
 pub type Table = [u32; TABLE as usize];
-/// The same of a lockstep workgroup that bins.
+/// Counters of a lockstep workgroup that makes the tiles' lists.
 pub type LargeTable = [u32; LOCKSTEP_TABLE as usize];
 
 /// How many invocations before this one hold the same value, and whether this one is the last of them. Only the last

@@ -167,7 +167,7 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
         make_empty(params.splats, records);
     }
     let table = table(bits, view.log_blocks, view.digit);
-    counters::clear::<L>(bins, table.width, lane);
+    counters::clear::<L, _>(bins, table.width, lane);
     let [first, end] = shared::block(params.splats, view.log_blocks, block, SORT_STEP);
     let mut place = first + lane;
     while place - lane < end {

@@ -60,7 +60,7 @@ fn count<L: Lanes>(
     let bits = counters.digit_bits;
     let table = table(bits, pass.log_blocks, pass.digit);
     let [first, end] = pass.block(counters, group);
-    counters::clear::<L>(bins, table.width, lane);
+    counters::clear::<L, _>(bins, table.width, lane);
     let mut place = first + lane;
     while place - lane < end {
         let mut key = CULLED;

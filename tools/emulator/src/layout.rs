@@ -43,7 +43,7 @@ pub struct Types {
     pub offsets: HashMap<(Id, u32), u32>,
 }
 
-/// A part of a type: its type and the word where it begins.
+/// A member of a type: its own type, and its first word.
 pub struct Part {
     pub ty: Id,
     pub at: u32,

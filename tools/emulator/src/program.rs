@@ -167,7 +167,7 @@ pub enum Instruction {
 /// The number of an [`EdgeMoves`].
 pub type Edge = u32;
 
-/// A way from one block to another: where it leads, and what moves for the phis there.
+/// A jump from one block to another: its target, and the values that it hands to the target's phis.
 #[derive(Clone, Copy, Debug)]
 pub struct EdgeMoves {
     pub target: u32,

@@ -105,8 +105,8 @@ impl Decoder {
         Ok(())
     }
 
-    /// Refuses an access to shared memory that is private: no barrier orders it. `operand`: where the memory operands
-    /// are, if there are any.
+    /// Refuses an access to memory that invocations share, if it is marked as private: no barrier would order it.
+    /// `operand`: the place of the instruction's memory operands.
     fn seen_by_others(&self, raw: &Raw, pointer: &Pointer, operand: usize) -> Result<(), Error> {
         const NON_PRIVATE: u32 = 0x20;
         let is_shared = matches!(pointer.address.space, Space::Shared | Space::Storage(_));
