@@ -9,9 +9,7 @@
 //! of those rows as it walks the rows.
 
 use crate::counters::clear;
-use crate::lanes::{
-    LargeTable, Lanes, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide,
-};
+use crate::lanes::{Lanes, LargeTable, Lockstep, Plain, Scan, Scratch, Table, Wave, Waves, Wide};
 use crate::list::{need_pairs, tell_cut};
 use crate::memory::{Pairs, at, at_mut};
 use crate::shared::{self, Counters, Outline, Params, Projected};
