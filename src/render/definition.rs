@@ -17,7 +17,7 @@ use crate::shared::{
 use crate::{Camera, Pose, Prior, RenderOptions};
 
 use super::levels::{posed, prototype};
-use super::scene::{Planes, centre};
+use super::scene::{Held, Planes, centre};
 
 /// A prior, ready to be drawn.
 pub struct Definition {
@@ -88,7 +88,7 @@ impl Definition {
     }
 
     fn prototype(&self, camera: &Camera) -> Params {
-        prototype(&self.options, self.splats, self.planes.radius, camera, 1, 0)
+        prototype(&self.options, &Held::all(self.splats, self.planes.radius), camera, 1, 0)
     }
 
     fn draw_with(&self, params: &Params) -> Drawn {

@@ -10,7 +10,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
 
 use super::binning::{self, Binning};
-use super::scene::SplatBuffers;
+use super::scene::{Held, SplatBuffers};
 use super::{Scene, kernels};
 
 /// One picture size.
@@ -147,8 +147,7 @@ impl LevelBuffers {
         for &factor in factors.iter().take(LEVELS) {
             let camera = camera.reduced(factor);
             if camera.width > 0 && camera.height > 0 {
-                let SplatBuffers { options, count, radius, .. } = splats;
-                let params = prototype(options, *count, *radius, &camera, factor, floats);
+                let params = prototype(&splats.options, &splats.held(), &camera, factor, floats);
                 floats += 3 * camera.pixels() as u32;
                 let sparse = params.with_rows(sparse_shift(&camera));
                 levels.push(Level { camera, factor, params, sparse, counted: [0; 2] });
@@ -157,8 +156,8 @@ impl LevelBuffers {
         let most = |count: fn(&Level) -> usize| levels.iter().map(count).max().unwrap_or(0);
         let pixels = most(|level| level.camera.pixels());
         let tiles = most(|level| (level.params.tiles_x * level.params.tiles_y) as usize);
-        let log_sort_blocks = kernels::log_sort_blocks(device.info(), splats.count);
-        let log_bin_blocks = kernels::log_bin_blocks(device.info(), splats.count);
+        let log_sort_blocks = kernels::log_sort_blocks(device.info(), splats.room);
+        let log_bin_blocks = kernels::log_bin_blocks(device.info(), splats.room);
         let log_bin_blocks = binning::log_blocks(log_bin_blocks, tiles as u32);
         let binning = Binning::new(device, log_bin_blocks, tiles as u32)?;
         for level in &mut levels {
@@ -228,6 +227,16 @@ impl LevelBuffers {
         self.groups_asked.write(&[[Groups::of(&params), Groups::NONE]]);
     }
 
+    /// Draws so many splats from here on, with room for `pair_capacity` pairs.
+    pub fn hold(&mut self, held: &Held, pair_capacity: u32) {
+        for Level { params, sparse, .. } in &mut self.sizes {
+            for params in [params, sparse] {
+                (params.splats, params.radius) = (held.splats, held.radius);
+            }
+        }
+        self.set_room(pair_capacity);
+    }
+
     /// Tells stages that choose between levels how many pairs there is room for.
     pub fn set_room(&mut self, pair_capacity: u32) {
         let mut prototypes = [Params::zeroed(); 2 * LEVELS];
@@ -248,11 +257,10 @@ impl LevelBuffers {
     }
 }
 
-/// The stages' parameters of a level, except the pose and the room for pairs. `radius`: see [`Params::radius`].
+/// The stages' parameters of a level, except the pose and the room for pairs.
 pub(super) fn prototype(
     options: &RenderOptions,
-    splats: u32,
-    radius: f32,
+    held: &Held,
     camera: &Camera,
     factor: u32,
     frame_offset: u32,
@@ -266,7 +274,7 @@ pub(super) fn prototype(
         frustum: [x[0], x[1], y[0], y[1]],
         background: options.background,
         near: options.near,
-        radius,
+        radius: held.radius,
         alpha_max: options.alpha_max,
         dilation,
         dilation_kept,
@@ -275,7 +283,8 @@ pub(super) fn prototype(
         tiles_x: camera.width.div_ceil(TILE),
         tiles_y: camera.height.div_ceil(TILE),
         tiles_per_group: 1,
-        splats,
+        splats: held.splats,
+        stride: held.stride,
         frame_offset,
         ..Params::zeroed()
     }

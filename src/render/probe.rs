@@ -176,7 +176,7 @@ impl Probe<'_> {
         stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
         let counters = work.counters.fetch::<Counters>(device, 1)?[0];
-        let splats = scene.splats.count as usize;
+        let splats = scene.splats.room as usize;
         let pairs = counters.pairs_needed.min(pair_capacity) as usize;
         let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
         let tiles = tiles_x * tiles_y;

@@ -142,7 +142,7 @@ impl Renderer {
         plan: Plan,
     ) -> Result<Renderer, Error> {
         // Room for a few tiles per splat. A picture that needs more makes it grow once.
-        let pairs = (scene.splats.count.saturating_mul(8)).clamp(1 << 14, 1 << 22);
+        let pairs = (scene.splats.room.saturating_mul(8)).clamp(1 << 14, 1 << 22);
         let levels = LevelBuffers::new(device, &scene.splats, camera, &plan.factors)?;
         let framed = plan.search.is_some() || !plan.jacobians.is_empty();
         let mut renderer = Renderer {

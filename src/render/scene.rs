@@ -1,6 +1,7 @@
 //! The prior as the device holds it; shared by every renderer of it.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -19,10 +20,46 @@ pub(crate) struct SplatBuffers {
     pub kernels: Arc<SceneKernels>,
     pub geometry: Buffer,
     pub sh: Buffer,
-    pub count: u32,
+    /// How many splats the planes have room for.
+    pub room: u32,
+    /// How many there are, and the bits of [`Held::radius`]. They change between frames only.
+    held: [AtomicU32; 2],
+    pub options: RenderOptions,
+}
+
+/// The splats that are drawn: the first ones of the planes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Held {
+    /// How many.
+    pub splats: u32,
+    /// See [`Params::stride`](crate::shared::Params::stride).
+    pub stride: u32,
     /// See [`Params::radius`](crate::shared::Params::radius).
     pub radius: f32,
-    pub options: RenderOptions,
+}
+
+impl Held {
+    /// All that there is room for.
+    pub fn all(splats: u32, radius: f32) -> Held {
+        Held { splats, stride: splats, radius }
+    }
+}
+
+impl SplatBuffers {
+    pub fn new(
+        kernels: Arc<SceneKernels>,
+        [geometry, sh]: [Buffer; 2],
+        held: &Held,
+        options: RenderOptions,
+    ) -> SplatBuffers {
+        let words = [held.splats, held.radius.to_bits()].map(AtomicU32::new);
+        SplatBuffers { kernels, geometry, sh, room: held.stride, held: words, options }
+    }
+
+    pub fn held(&self) -> Held {
+        let [splats, radius] = [0, 1].map(|i: usize| self.held[i].load(Ordering::Acquire));
+        Held { splats, stride: self.room, radius: f32::from_bits(radius) }
+    }
 }
 
 /// A prior on the device.
@@ -50,14 +87,9 @@ impl Scene {
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         let Planes { geometry, sh, radius } = Planes::of(prior, &analysis);
-        let splats = SplatBuffers {
-            kernels,
-            geometry: upload("geometry", &geometry)?,
-            sh: upload("spherical harmonics", &sh)?,
-            count: count as u32,
-            radius,
-            options: *prior.options(),
-        };
+        let buffers = [upload("geometry", &geometry)?, upload("spherical harmonics", &sh)?];
+        let held = Held::all(count as u32, radius);
+        let splats = SplatBuffers::new(kernels, buffers, &held, *prior.options());
         Ok(Scene {
             splats,
             analysis,

@@ -245,7 +245,7 @@ impl Stages<'_> {
         let Stages { splats, levels, work, .. } = *self;
         let sort = Sort {
             sort_precision,
-            count: splats.count,
+            count: splats.room,
             counted: true,
             log_blocks: levels.log_sort_blocks,
             pass,

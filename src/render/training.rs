@@ -22,7 +22,7 @@ use super::Kernels;
 use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
-use super::scene::SplatBuffers;
+use super::scene::{Held, SplatBuffers};
 use super::stages::{CameraPose, Channels, Stages};
 use super::workspace::Workspace;
 
@@ -242,14 +242,13 @@ impl Trainer {
         let own = |name, planes: u32| {
             Buffer::new::<f32>(device, name, count * 2 * planes as usize, Memory::Device)
         };
-        let splats = SplatBuffers {
-            radius: f32::INFINITY,
-            kernels: scene_kernels,
-            geometry: own("geometry", GEOMETRY_PLANES)?,
-            sh: own("spherical harmonics", sh_planes(plan.sh_degree))?,
-            count: plan.splats,
-            options: plan.options,
-        };
+        let buffers = [
+            own("geometry", GEOMETRY_PLANES)?,
+            own("spherical harmonics", sh_planes(plan.sh_degree))?,
+        ];
+        // Training moves the splats.
+        let held = Held::all(plan.splats, f32::INFINITY);
+        let splats = SplatBuffers::new(scene_kernels, buffers, &held, plan.options);
         let [width, height] = plan.size;
         let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
         let levels = LevelBuffers::new(device, &splats, &camera, &[1])?;
@@ -362,7 +361,8 @@ impl Trainer {
         }
         loop {
             let slot_capacity = self.grown.slot_capacity;
-            self.fixed.training.write(&[Training { slot_capacity, ..*training }]);
+            let trained = self.plan.splats;
+            self.fixed.training.write(&[Training { slot_capacity, trained, ..*training }]);
             self.ask(camera, pose);
             self.submit(job)?;
             if !self.grow()? {
@@ -382,8 +382,7 @@ impl Trainer {
     }
 
     fn ask(&mut self, camera: &Camera, pose: &Pose) {
-        // Training moves the splats.
-        let own = prototype(&self.plan.options, self.plan.splats, f32::INFINITY, camera, 1, 0);
+        let own = prototype(&self.plan.options, &self.splats.held(), camera, 1, 0);
         let Params { sort_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
         let pair_capacity = self.grown.work.pair_capacity;
         let mut own = Params { sort_blocks, tiles_per_group, pair_capacity, ..own };

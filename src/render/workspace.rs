@@ -35,7 +35,7 @@ impl Workspace {
         pair_capacity: u32,
         exact: bool,
     ) -> Result<Workspace, Error> {
-        let count = splats.count;
+        let count = splats.room;
         let splats = count as usize;
         let pairs = pair_capacity as usize;
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);

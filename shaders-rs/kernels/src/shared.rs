@@ -126,6 +126,8 @@ pub struct Params {
     pub tiles_y: u32,
     /// Number of splats.
     pub splats: u32,
+    /// How many splats the planes of splats have room for.
+    pub stride: u32,
     /// Room for (tile, splat) pairs.
     pub pair_capacity: u32,
     /// Where this level's floats begin in the buffer of frames.

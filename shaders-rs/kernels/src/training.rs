@@ -79,6 +79,22 @@ pub struct Training {
     pub per_value: f32,
     /// Errors below it count by their squares (Huber's loss); 0 if none does.
     pub knee: f32,
+    /// The first splat that is trained; those before it keep their places in the planes of splats.
+    pub first_trained: u32,
+    /// How many splats are trained. The planes of parameters are of these alone.
+    pub trained: u32,
+    /// Steps by which parameters are rounded before splats are drawn: those of positions, log scales, rotations (x, y,
+    /// z of the unit quaternion), opacity logits, the first coefficient. 0: not rounded. The gradient is that of the
+    /// rounded splats.
+    pub rounding: [f32; 5],
+}
+
+/// Least and greatest logit of an opacity that is rounded, in steps.
+pub const ROUNDED_LOGITS: [f32; 2] = [-5.0, 8.0];
+
+/// The nearest multiple of a step; the value itself if the step is 0.
+pub fn rounded(value: f32, step: f32) -> f32 {
+    if step > 0.0 { (value / step + 0.5).floor() * step } else { value }
 }
 
 /// Adam's means fade by these factors per step (Kingma and Ba 2015).

@@ -32,16 +32,16 @@ pub struct Splat {
     pub axes: [[f32; 3]; 3],
 }
 
-/// The pair of splat `i`, of `splats`, in a plane. (A closure would hold the buffer in a structure, which crashes
+/// The pair of splat `i` in a plane with room for `stride` splats. (A closure would hold the buffer in a structure, which crashes
 /// SwiftShader.)
-fn of_plane<B: Pairs + ?Sized>(planes: &B, plane: u32, splats: u32, i: u32) -> [f32; 2] {
-    // The host allocated these planes, with this many splats each.
-    planes.pair(plane * splats + i)
+fn of_plane<B: Pairs + ?Sized>(planes: &B, plane: u32, stride: u32, i: u32) -> [f32; 2] {
+    // The host allocated these planes, with room for so many splats each.
+    planes.pair(plane * stride + i)
 }
 
 /// Reads splat `i` from its planes.
 pub fn load<B: Pairs + ?Sized>(params: &Params, geometry: &B, i: u32) -> Splat {
-    let n = params.splats;
+    let n = params.stride;
     let [x, y] = of_plane(geometry, 0, n, i);
     let [z, opacity] = of_plane(geometry, 1, n, i);
     let [a, b] = of_plane(geometry, 2, n, i);
@@ -66,7 +66,7 @@ pub fn load<B: Pairs + ?Sized>(params: &Params, geometry: &B, i: u32) -> Splat {
 
 /// Coefficients `2 two` and `2 two + 1` of splat `i`; 0 after the last.
 pub fn coefficients<B: Pairs + ?Sized>(params: &Params, sh: &B, two: u32, i: u32) -> [[f32; 3]; 2] {
-    let (n, first) = (params.splats, 3 * two);
+    let (n, first) = (params.stride, 3 * two);
     let [a, b] = of_plane(sh, first, n, i);
     let [c, d] = of_plane(sh, first + 1, n, i);
     let [e, f] = of_plane(sh, first + 2, n, i);
@@ -168,7 +168,8 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
     }
     let table = table(bits, view.log_blocks, view.digit);
     counters::clear::<L, _>(bins, table.width, lane);
-    let [first, end] = shared::block(params.splats, view.log_blocks, block, SORT_STEP);
+    let [first, all] = shared::block(params.stride, view.log_blocks, block, SORT_STEP);
+    let end = all.min(params.splats).max(first);
     let mut place = first + lane;
     while place - lane < end {
         // Beyond the last splat, it is projected again, and neither written nor counted.
@@ -176,6 +177,12 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
         let key = one(place.min(end - 1), there, &params, sh_degree, geometry, sh, records, keys);
         let counted = there & (key != CULLED);
         L::tally(bins, digit_of(key, bits, view.digit), 1, counted, lane, scratch);
+        place += L::COUNT;
+    }
+    // Places without a splat.
+    place = end + lane;
+    while place < all {
+        *at_mut(keys, place) = CULLED;
         place += L::COUNT;
     }
     counters::leave::<L>(bins, &table, block, lane, histogram);

@@ -4,7 +4,7 @@
 //! It blends as stage `splat` does, front to back, with the same power, but products and sums may be fused. With `g`
 //! the loss's gradient by a pixel, `q = c · g` and `total = C · g` (`C` the render's colour), the gradient by alpha is
 //! `T q − (total − Σ w q) / (1 − α)`: the sum runs over all splats up to this one, so what lies behind need not be
-//! known (Kerbl et al. 2023 go back to front).
+//! known (Kerbl et al. 2023 go back to front). A tile that shows no splat that is trained is left out.
 
 use crate::blend::{Clamp, Hits, middle, range};
 use crate::list::{LANES, List, Portable, Splat, largest};
@@ -160,6 +160,18 @@ fn total(value: f32, lane: u32) -> f32 {
     of_four + subgroup_shuffle(of_four, lane ^ 4)
 }
 
+/// Whether a tile shows a splat that is trained. Each of `lanes` invocations that call it sees a part of the list.
+fn shows_trained(starts: &[u32], pair_splats: &[u32], range: UVec2, lane: u32, lanes: u32) -> bool {
+    let mut pair = range.x + lane;
+    while pair < range.y {
+        if at::<u32, _>(starts, at::<u32, _>(pair_splats, pair)) != NO_PAIR {
+            return true;
+        }
+        pair += lanes;
+    }
+    false
+}
+
 /// The whole column of a tile.
 type Eight = (Four, Four);
 
@@ -211,6 +223,10 @@ pub fn splat_backward_lockstep(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [f32],
 ) {
     let range = range(params, ranges, [group.x, group.y]);
+    let trained = shows_trained(starts, pair_splats, range, lane, LANES);
+    if largest(if trained { 1.0 } else { 0.0 }, lane) == 0.0 {
+        return;
+    }
     let list = List { records, pair_splats, end: range.y, centre: middle([group.x, group.y]) };
     let clamp = Clamp::new(params, 1);
     let (x, y) = (group.x * TILE + lane, group.y * TILE);
@@ -260,6 +276,9 @@ pub fn splat_backward(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [f32],
 ) {
     let range = range(params, ranges, [group.x, group.y]);
+    if !shows_trained(starts, pair_splats, range, 0, 1) {
+        return;
+    }
     let list = List { records, pair_splats, end: range.y, centre: middle([group.x, group.y]) };
     let clamp = Clamp::new(params, 1);
     let (column, row) = (lane % TILE, lane / TILE * ROWS);

@@ -10,9 +10,9 @@ use crate::shared::{
     self, Outline, Params, RATIO_MIN, TILE, clamped_ray, cross, dilated, dot, projected_axes,
     scaled, transform,
 };
-use crate::train_activate::{Shape, triple};
+use crate::train_activate::{Shape, harmonic};
 use crate::train_slots;
-use crate::training::{NO_PAIR, PAIR_SUMS, SH, Training, slot_box};
+use crate::training::{NO_PAIR, PAIR_SUMS, Training, slot_box};
 use spirv_std::glam::Vec4;
 
 /// The loss's gradient by what a splat is in the picture.
@@ -107,16 +107,15 @@ fn colours(
     parameters: &[f32],
     by_colour: [f32; 3],
     position: [f32; 3],
-    i: u32,
+    j: u32,
 ) -> Colours {
-    let n = params.splats;
     let (d, inverse) = shared::direction(params, position);
     let (basis, slopes) = (shared::sh_basis(d), shared::sh_basis_gradient(d));
     let mut rgb = [0.5, 0.5, 0.5];
     let mut k = 0;
     while k < training.sh_trained {
         let b = basis[k as usize];
-        let own = triple(parameters, n, SH + 3 * k, i);
+        let own = harmonic(training, parameters, k, j);
         rgb = [rgb[0] + b * own[0], rgb[1] + b * own[1], rgb[2] + b * own[2]];
         k += 1;
     }
@@ -128,7 +127,7 @@ fn colours(
     let mut along = [0.0; 3];
     let mut k = 0;
     while k < training.sh_trained {
-        let product = dot(by, triple(parameters, n, SH + 3 * k, i));
+        let product = dot(by, harmonic(training, parameters, k, j));
         let slope = slopes[k as usize];
         along = [
             along[0] + product * slope[0],
@@ -289,7 +288,7 @@ impl Gradient {
         basis: [0.0; 16],
     };
 
-    /// Of splat `i`, from what stage `splat_backward` has summed; all 0 if it shows in no tile.
+    /// Of the splat at place `j` of those that are trained, from what stage `splat_backward` has summed; all 0 if it shows in no tile.
     pub fn of(
         params: &Params,
         training: &Training,
@@ -299,13 +298,14 @@ impl Gradient {
         starts: &[u32],
         slots: &[u32],
         pairs: &[f32],
-        i: u32,
+        j: u32,
     ) -> Gradient {
+        let i = training.first_trained + j;
         if at::<u32, _>(starts, i) == NO_PAIR {
             return Gradient::NONE;
         }
         let seen = gather(params, records, starts, slots, pairs, i);
-        let colours = colours(params, training, parameters, seen.colour, shape.position, i);
+        let colours = colours(params, training, parameters, seen.colour, shape.position, j);
         let Spatial { position, axes, log_scale } = spatial(params, shape, &seen);
         let [a, b, c] = colours.by_position;
         let [q0, q1, q2, q3] = by_rotation(shape, axes);

@@ -1,8 +1,10 @@
-//! Stage `train_activate`: the parameters of training as the render's stages read splats, one invocation per splat.
+//! Stage `train_activate`: the parameters of training as the render's stages read splats.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{Params, scaled};
-use crate::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, Training};
+use crate::training::{
+    LOG_SCALE, OPACITY, POSITION, ROTATION, ROUNDED_LOGITS, SH, Training, rounded,
+};
 use spirv_std::glam::UVec3;
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
@@ -33,18 +35,54 @@ pub fn triple(parameters: &[f32], splats: u32, plane: u32, i: u32) -> [f32; 3] {
     ]
 }
 
+/// Coefficient `k` of a splat's spherical harmonics, RGB, as it is drawn. `j`: its place among those that are trained.
+pub fn harmonic(training: &Training, parameters: &[f32], k: u32, j: u32) -> [f32; 3] {
+    let [r, g, b] = triple(parameters, training.trained, SH + 3 * k, j);
+    let by = if k == 0 { training.rounding[4] } else { 0.0 };
+    [rounded(r, by), rounded(g, by), rounded(b, by)]
+}
+
+/// A unit quaternion, rounded. Its w is not negative and follows from the others.
+fn rounded_rotation([w, x, y, z]: [f32; 4], step: f32) -> [f32; 4] {
+    if !(step > 0.0) {
+        return [w, x, y, z];
+    }
+    let sign = if w < 0.0 { -1.0 } else { 1.0 };
+    let (x, y, z) = (rounded(sign * x, step), rounded(sign * y, step), rounded(sign * z, step));
+    let square = x * x + y * y + z * z;
+    if square < 1.0 {
+        return [(1.0 - square).sqrt(), x, y, z];
+    }
+    let by = 1.0 / square.sqrt();
+    [0.0, x * by, y * by, z * by]
+}
+
+/// An opacity's logit, rounded.
+fn rounded_logit(logit: f32, step: f32) -> f32 {
+    if !(step > 0.0) {
+        return logit;
+    }
+    let [least, most] = [ROUNDED_LOGITS[0] * step, ROUNDED_LOGITS[1] * step];
+    let held = if logit > least { logit } else { least };
+    rounded(if held < most { held } else { most }, step)
+}
+
 impl Shape {
-    pub fn load(parameters: &[f32], n: u32, i: u32) -> Shape {
-        let [a, b, c] = triple(parameters, n, LOG_SCALE, i);
-        let [w, x, y] = triple(parameters, n, ROTATION, i);
-        let z = parameter(parameters, n, ROTATION + 3, i);
+    /// A splat as it is drawn. `j`: its place among those that are trained.
+    pub fn load(training: &Training, parameters: &[f32], j: u32) -> Shape {
+        let (n, by) = (training.trained, training.rounding);
+        let [a, b, c] = triple(parameters, n, LOG_SCALE, j);
+        let [w, x, y] = triple(parameters, n, ROTATION, j);
+        let z = parameter(parameters, n, ROTATION + 3, j);
         let length = (w * w + x * x + y * y + z * z).sqrt();
-        let by = 1.0 / length;
-        let logit = parameter(parameters, n, OPACITY, i);
+        let inverse = 1.0 / length;
+        let unit = [w * inverse, x * inverse, y * inverse, z * inverse];
+        let logit = rounded_logit(parameter(parameters, n, OPACITY, j), by[3]);
+        let [px, py, pz] = triple(parameters, n, POSITION, j);
         Shape {
-            position: triple(parameters, n, POSITION, i),
-            scale: [a.exp(), b.exp(), c.exp()],
-            rotation: [w * by, x * by, y * by, z * by],
+            position: [rounded(px, by[0]), rounded(py, by[0]), rounded(pz, by[0])],
+            scale: [rounded(a, by[1]).exp(), rounded(b, by[1]).exp(), rounded(c, by[1]).exp()],
+            rotation: rounded_rotation(unit, by[2]),
             length,
             opacity: 1.0 / (1.0 + (-logit).exp()),
         }
@@ -62,13 +100,13 @@ impl Shape {
 }
 
 /// Writes pair `plane` of splat `i`.
-fn put(planes: &mut [f32], splats: u32, plane: u32, i: u32, pair: [f32; 2]) {
-    let first = 2 * (plane * splats + i);
+fn put(planes: &mut [f32], stride: u32, plane: u32, i: u32, pair: [f32; 2]) {
+    let first = 2 * (plane * stride + i);
     *at_mut(planes, first) = pair[0];
     *at_mut(planes, first + 1) = pair[1];
 }
 
-/// One invocation per splat.
+/// One invocation per splat that is trained.
 #[spirv(compute(threads(256)))]
 pub fn train_activate(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -78,11 +116,12 @@ pub fn train_activate(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] geometry: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] sh: &mut [f32],
 ) {
-    let (n, i) = (params.splats, id.x);
-    if i >= n {
+    let (n, j) = (params.stride, id.x);
+    if j >= training.trained {
         return;
     }
-    let shape = Shape::load(parameters, n, i);
+    let i = training.first_trained + j;
+    let shape = Shape::load(training, parameters, j);
     let [x, y, z] = shape.unit_axes();
     let [a, b, c] =
         [scaled(x, shape.scale[0]), scaled(y, shape.scale[1]), scaled(z, shape.scale[2])];
@@ -94,17 +133,18 @@ pub fn train_activate(
     put(geometry, n, 4, i, [b[1], b[2]]);
     put(geometry, n, 5, i, [c[0], c[1]]);
     put(geometry, n, 6, i, [c[2], 0.0]);
-    let count = 3 * training.sh_coefficients;
+    let count = training.sh_coefficients;
     let mut k = 0;
+    // Two coefficients are three planes.
     while k < count {
-        let first = parameter(parameters, n, SH + k, i);
+        let [r, g, b] = harmonic(training, parameters, k, j);
         let inside = k + 1 < count;
-        let second = parameter(parameters, n, SH + if inside { k + 1 } else { k }, i);
-        put(sh, n, k / 2, i, [first, if inside { second } else { 0.0 }]);
+        let next = harmonic(training, parameters, if inside { k + 1 } else { k }, j);
+        let [nr, ng, nb] = if inside { next } else { [0.0; 3] };
+        let plane = 3 * (k / 2);
+        put(sh, n, plane, i, [r, g]);
+        put(sh, n, plane + 1, i, [b, nr]);
+        put(sh, n, plane + 2, i, [ng, nb]);
         k += 2;
-    }
-    // Two coefficients are three planes: a number of coefficients that is odd leaves a plane over, and a half.
-    if count % 6 != 0 {
-        put(sh, n, count.div_ceil(2), i, [0.0, 0.0]);
     }
 }

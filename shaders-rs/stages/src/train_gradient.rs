@@ -1,4 +1,5 @@
-//! Stage `train_gradient`: the loss's gradient by all parameters, one invocation per splat. Training needs it only for
+//! Stage `train_gradient`: the loss's gradient by all parameters, one invocation per splat
+//! that is trained. Training needs it only for
 //! checks: stage `train_step` takes its step without writing the gradient down.
 
 use crate::memory::at_mut;
@@ -22,28 +23,28 @@ pub fn train_gradient(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] pairs: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] gradients: &mut [f32],
 ) {
-    let (n, i) = (params.splats, id.x);
-    if i >= n {
+    let (n, j) = (training.trained, id.x);
+    if j >= n {
         return;
     }
-    let shape = Shape::load(parameters, n, i);
-    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
+    let shape = Shape::load(training, parameters, j);
+    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, j);
     let mut k = 0;
     while k < 3 {
-        *at_mut(gradients, (POSITION + k) * n + i) = own.position[k as usize];
-        *at_mut(gradients, (LOG_SCALE + k) * n + i) = own.log_scale[k as usize];
+        *at_mut(gradients, (POSITION + k) * n + j) = own.position[k as usize];
+        *at_mut(gradients, (LOG_SCALE + k) * n + j) = own.log_scale[k as usize];
         k += 1;
     }
     let mut k = 0;
     while k < 4 {
-        *at_mut(gradients, (ROTATION + k) * n + i) = own.rotation[k as usize];
+        *at_mut(gradients, (ROTATION + k) * n + j) = own.rotation[k as usize];
         k += 1;
     }
-    *at_mut(gradients, OPACITY * n + i) = own.opacity;
+    *at_mut(gradients, OPACITY * n + j) = own.opacity;
     let mut k = 0;
     while k < training.sh_coefficients {
         let b = if k < training.sh_trained { own.basis[k as usize] } else { 0.0 };
-        let first = (SH + 3 * k) * n + i;
+        let first = (SH + 3 * k) * n + j;
         *at_mut(gradients, first) = b * own.colour[0];
         *at_mut(gradients, first + n) = b * own.colour[1];
         *at_mut(gradients, first + 2 * n) = b * own.colour[2];

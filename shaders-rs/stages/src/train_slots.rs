@@ -1,4 +1,4 @@
-//! Stage `train_slots`: gives each splat in view one slot per tile that it may touch. Stage `splat_backward` notes
+//! Stage `train_slots`: gives each splat in view that is trained one slot per tile that it may touch. Stage `splat_backward` notes
 //! there which pair the tile and the splat are; so stage `train_gradient` finds a splat's pairs in a fixed order.
 
 use crate::memory::{at, at_mut};
@@ -29,7 +29,7 @@ fn add(counter: &mut u32, value: u32) -> u32 {
     }
 }
 
-/// One invocation per splat.
+/// One invocation per splat that is trained.
 #[spirv(compute(threads(256)))]
 pub fn train_slots(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -41,10 +41,10 @@ pub fn train_slots(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut SlotCounters,
 ) {
     const _: () = assert!(GROUP == 256);
-    let i = id.x;
-    if i >= params.splats {
+    if id.x >= training.trained {
         return;
     }
+    let i = training.first_trained + id.x;
     let mut start = NO_PAIR;
     if at::<u32, _>(keys, i) != CULLED {
         let splat = load(records, i);

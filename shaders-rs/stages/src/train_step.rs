@@ -60,13 +60,13 @@ fn normal(seed: u32) -> [f32; 2] {
 }
 
 /// Moves a faint splat's position by noise of its own covariance.
-fn shake(training: &Training, parameters: &mut [f32], n: u32, i: u32) {
-    let shape = Shape::load(parameters, n, i);
+fn shake(training: &Training, parameters: &mut [f32], n: u32, j: u32) {
+    let shape = Shape::load(training, parameters, j);
     let faint = 1.0 / (1.0 + (SHARPNESS * (shape.opacity - FAINT)).exp());
     let size = training.noise * faint;
     // Most splats are not faint.
     if size > 1e-12 {
-        let seed = mixed(training.step ^ mixed(i));
+        let seed = mixed(training.step ^ mixed(j));
         let ([a, b], [c, _]) = (normal(seed), normal(seed ^ 0x9e37_79b9));
         let axes = shape.unit_axes();
         let [s0, s1, s2] = shape.scale;
@@ -78,13 +78,13 @@ fn shake(training: &Training, parameters: &mut [f32], n: u32, i: u32) {
         while k < 3 {
             let at_k = k as usize;
             let moved = x * axes[0][at_k] + y * axes[1][at_k] + z * axes[2][at_k];
-            *at_mut(parameters, (POSITION + k) * n + i) += moved;
+            *at_mut(parameters, (POSITION + k) * n + j) += moved;
             k += 1;
         }
     }
 }
 
-/// One invocation per splat.
+/// One invocation per splat that is trained.
 #[spirv(compute(threads(256)))]
 pub fn train_step(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -100,43 +100,43 @@ pub fn train_step(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 9)] first: &mut [f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 10)] second: &mut [f32],
 ) {
-    let (n, i) = (params.splats, id.x);
+    let (n, j) = (training.trained, id.x);
     let fits = (counters.pairs_needed <= params.pair_capacity)
         & (slot_counters.slots <= training.slot_capacity)
         & (slot_counters.blocks <= training.slot_capacity / 256);
-    if (i >= n) | !fits {
+    if (j >= n) | !fits {
         return;
     }
-    let shape = Shape::load(parameters, n, i);
-    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, i);
+    let shape = Shape::load(training, parameters, j);
+    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, j);
     let rates = training.rates;
     let mut k = 0;
     while k < 3 {
-        let (place, by) = ((POSITION + k) * n + i, own.position[k as usize]);
+        let (place, by) = ((POSITION + k) * n + j, own.position[k as usize]);
         step(training, parameters, first, second, place, rates[0], by);
-        let (place, by) = ((LOG_SCALE + k) * n + i, own.log_scale[k as usize]);
+        let (place, by) = ((LOG_SCALE + k) * n + j, own.log_scale[k as usize]);
         let pull = training.scale_pull * shape.scale[k as usize];
         step(training, parameters, first, second, place, rates[1], by + pull);
         k += 1;
     }
     let mut k = 0;
     while k < 4 {
-        let place = (ROTATION + k) * n + i;
+        let place = (ROTATION + k) * n + j;
         step(training, parameters, first, second, place, rates[2], own.rotation[k as usize]);
         k += 1;
     }
     let pull = training.opacity_pull * shape.opacity * (1.0 - shape.opacity);
-    step(training, parameters, first, second, OPACITY * n + i, rates[3], own.opacity + pull);
+    step(training, parameters, first, second, OPACITY * n + j, rates[3], own.opacity + pull);
     let mut k = 0;
     while k < training.sh_trained {
         let rate = if k == 0 { rates[4] } else { rates[5] };
-        let (place, b) = ((SH + 3 * k) * n + i, own.basis[k as usize]);
+        let (place, b) = ((SH + 3 * k) * n + j, own.basis[k as usize]);
         step(training, parameters, first, second, place, rate, b * own.colour[0]);
         step(training, parameters, first, second, place + n, rate, b * own.colour[1]);
         step(training, parameters, first, second, place + 2 * n, rate, b * own.colour[2]);
         k += 1;
     }
     if training.noise > 0.0 {
-        shake(training, parameters, n, i);
+        shake(training, parameters, n, j);
     }
 }

@@ -109,6 +109,9 @@ impl Schedule {
             ssim: self.ssim,
             per_value: 1.0 / (3 * pixels) as f32,
             knee: self.knee,
+            first_trained: 0,
+            trained: 0,
+            rounding: [0.0; 5],
         }
     }
 
