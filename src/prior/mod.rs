@@ -17,6 +17,7 @@ mod identity;
 mod key_frames;
 mod limits;
 mod options;
+mod orientation;
 mod part_source;
 pub mod ply;
 mod ply_header;
@@ -29,6 +30,7 @@ mod splats;
 #[cfg(feature = "formats")]
 mod spz;
 pub mod tables_file;
+pub mod update;
 
 pub use check::Dropped;
 pub use claims::PriorClaims;
@@ -45,6 +47,7 @@ pub use prior::Prior;
 pub use replace::replace_file;
 pub use report::{LoadReport, PriorFormat};
 pub use splats::Splats;
+pub use update::{Fade, Learnt, LearntSplat, NewSplat, StateId, Update, UpdateError, UpdateGrid};
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -2,12 +2,13 @@
 
 use crate::Picture;
 use crate::packet::{Coder, Latent, Reference, Residual, ResidualStart};
+use crate::range_coder::Tail;
 
 use super::ResidualError;
 use super::checks::check_size;
 use super::stream::{StreamDecoder, StreamFrame};
 use super::warp::Viewpoint;
-use super::wavelet::{Tail, WaveletDecoder};
+use super::wavelet::WaveletDecoder;
 #[cfg(feature = "paper")]
 use super::{difference, webp::Webp};
 use crate::coder_tables::Tables;

@@ -71,7 +71,6 @@ mod coder_tables;
 mod format;
 mod header;
 mod key_frames;
-mod orientation;
 mod preprocessing;
 mod quantise;
 mod stream;

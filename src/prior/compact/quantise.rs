@@ -4,8 +4,8 @@
 //! file gives the same splats, and the same identity, everywhere.
 
 use super::super::fault::{INFINITE_LOGIT, MAX_LOG_SCALE};
+use super::super::orientation;
 use super::super::{CoordinateFrame, PriorError, Splats};
-use super::orientation;
 
 /// How coarsely a prior is written: the steps of its parameters. Errors are up to half a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -174,7 +174,7 @@ pub fn quantise(splats: &Splats, index: usize, q: &Quantisation) -> Result<Vec<i
     let max = (f64::from(MAX_LOG_SCALE) / f64::from(q.log_scale)).floor();
     let scales = splats.log_scales[index];
     let scales = scales.map(|s| steps(s, q.log_scale).clamp(-max, max) as i32);
-    let (scales, rotation) = orientation::reduced(splats, index, scales, q.rotation);
+    let (scales, rotation) = orientation::reduced(splats.unit_rotation(index), scales, q.rotation);
     let mut codes = Vec::with_capacity(columns(splats.sh_degree));
     codes.extend(scales);
     codes.extend(rotation);

@@ -5,9 +5,9 @@ use super::gains::{Gains, LevelGains};
 use super::pass::{Due, Source};
 use super::predictor::{Chances, Predictor};
 use super::quantised::Quantised;
-use super::range_coder::{EVEN, RangeDecoder, RangeEncoder};
 use crate::coder_tables::PLANES;
 use crate::coder_tables::networks::{LOGITS, Logit};
+use crate::range_coder::{EVEN, RangeDecoder, RangeEncoder};
 
 /// Magnitudes up to this are coded in unary.
 pub const UNARY: i32 = 24;

@@ -11,8 +11,8 @@ use super::header::Header;
 use super::inter::Inter;
 use super::pass::Pass;
 use super::predictor::Predictors;
-use super::range_coder::{RangeDecoder, Tail};
 use crate::coder_tables::Tables;
+use crate::range_coder::{RangeDecoder, Tail};
 
 /// Decodes the pictures of one size, in memory of its own.
 pub struct WaveletDecoder {

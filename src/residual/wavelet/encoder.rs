@@ -23,10 +23,10 @@ use super::pass::{Due, Pass, Source};
 use super::predictor::{Predictor, Predictors};
 use super::prices::Prices;
 use super::quantised::Quantised;
-use super::range_coder::RangeEncoder;
 use super::step::Step;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::Tables;
+use crate::range_coder::RangeEncoder;
 
 /// A level with a coefficient above this is looked through, steps.
 const WORTH_A_LOOK: f32 = 0.9;

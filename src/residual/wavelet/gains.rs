@@ -8,8 +8,8 @@
 use super::context::BandContext;
 use super::geometry::MAX_LEVELS;
 use super::quantised::Quantised;
-use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::render_value::RenderValue;
+use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 
 /// The gains of a level, in parts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -182,8 +182,8 @@ fn parts(gain: f64, parts: i32) -> i8 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::range_coder::Tail;
     use super::*;
+    use crate::range_coder::Tail;
 
     #[test]
     fn gains_come_back_at_their_price() {

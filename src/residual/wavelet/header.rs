@@ -1,9 +1,9 @@
 //! What a payload says first.
 
 use super::geometry::{Finest, MAX_LEVELS};
-use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::step::Step;
 use crate::coder_tables::PLANES;
+use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 
 /// What the coefficients are read with.
 #[derive(Clone, Debug, PartialEq, Eq)]

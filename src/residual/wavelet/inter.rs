@@ -7,11 +7,11 @@
 use super::block_cost;
 use super::geometry::{Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
-use super::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 use super::render::{box_mean, mean_room};
 use super::step::Step;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::RANKS;
+use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
 
 /// Ages that are told apart.
 const AGES: usize = 8;

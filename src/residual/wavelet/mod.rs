@@ -2,7 +2,7 @@
 //!
 //! The difference between camera picture and render is rotated to three planes (`colour`), divided into bands by a
 //! 9/7 wavelet of up to six levels (`lifting`), quantised with one step for all bands of unit norm (`step`), and
-//! coded from coarse to fine (`pass`) by a binary range coder (`range_coder`). A small network (`network`)
+//! coded from coarse to fine (`pass`) by a binary range coder (`src/range_coder.rs`). A small network (`network`)
 //! gives each bit's chance. It looks at coefficients coded before, at the decoded coarser picture, and at the
 //! render's own bands (`context`). All of it is integers: encoder and decoder agree on every processor.
 
@@ -28,13 +28,11 @@ mod pass;
 mod predictor;
 mod prices;
 mod quantised;
-mod range_coder;
 mod rate;
 mod render;
 mod render_value;
 mod step;
 pub mod training;
-pub use range_coder::Tail;
 
 pub use decoder::WaveletDecoder;
 pub use encoder::WaveletEncoder;

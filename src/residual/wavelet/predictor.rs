@@ -3,7 +3,6 @@
 use wide::{i16x8, i32x4};
 
 use super::frame::Frame;
-use super::range_coder::Probability;
 use crate::coder_tables::networks::FEATURE_PLACES;
 use crate::coder_tables::networks::{
     COUNT_INPUTS, HIDDEN, HIDDEN_2, HIDDEN_QUIET, HIDDEN_SIGN, LARGEST_HIDDEN, LARGEST_LOGIT,
@@ -11,6 +10,7 @@ use crate::coder_tables::networks::{
     WEIGHT_PLACES,
 };
 use crate::coder_tables::{Offsets, Tables};
+use crate::range_coder::Probability;
 
 /// Weights of four outputs in pairs: processors multiply and add two at a time.
 #[derive(Clone)]

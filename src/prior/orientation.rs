@@ -8,13 +8,11 @@ use std::f64::consts::FRAC_1_SQRT_2 as H;
 
 use glam::{DQuat, DVec3};
 
-use super::super::Splats;
-
-/// Scales of splat `index`, and x, y, z of its rotation in steps, with the axes renamed so that the rotation is the
+/// Scales and x, y, z in steps of a unit quaternion (w, x, y, z), with the axes renamed so that the rotation is the
 /// smallest. A rotation that is the smallest up to rounding stays, so that what was written once is written the same
 /// again.
-pub fn reduced(splats: &Splats, index: usize, scales: [i32; 3], step: f32) -> ([i32; 3], [i32; 3]) {
-    let [w, x, y, z] = splats.unit_rotation(index).map(f64::from);
+pub fn reduced(rotation: [f32; 4], scales: [i32; 3], step: f32) -> ([i32; 3], [i32; 3]) {
+    let [w, x, y, z] = rotation.map(f64::from);
     let q = DQuat::from_xyzw(x, y, z, w);
     let [w, x, y, z] = quaternion(steps(q, step), step).map(f64::from);
     let rounded = DQuat::from_xyzw(x, y, z, w);
@@ -22,12 +20,18 @@ pub fn reduced(splats: &Splats, index: usize, scales: [i32; 3], step: f32) -> ([
     if w >= (rounded * smallest(rounded)).w.abs() - 2.5 * f64::from(step) {
         return (scales, steps(q, step));
     }
+    let (scales, q) = renamed(scales, q);
+    (scales, steps(q, step))
+}
+
+/// The smallest rotation, with scales to match.
+pub fn renamed(scales: [i32; 3], q: DQuat) -> ([i32; 3], DQuat) {
     let turn = smallest(q);
     let named = DVec3::AXES.map(|axis| {
         let axis = (turn * axis).abs();
         scales[if axis.x > 0.5 { 0 } else { 1 + usize::from(axis.z > 0.5) }]
     });
-    (named, steps(q * turn, step))
+    (named, q * turn)
 }
 
 /// The unit quaternion (w, x, y, z) of x, y, z in steps.
@@ -37,6 +41,7 @@ pub fn quaternion(steps: [i32; 3], step: f32) -> [f32; 4] {
     [w, x, y, z].map(|v| v as f32)
 }
 
+/// x, y, z in steps of the quaternion, or of the opposite one, whose w is not negative.
 fn steps(q: DQuat, step: f32) -> [i32; 3] {
     let sign = 1_f64.copysign(q.w);
     [q.x, q.y, q.z].map(|v| (sign * v / f64::from(step)).round() as i32)
