@@ -60,12 +60,26 @@ impl Engine {
     /// Uploads a prior, for any number of renderers. Leaves out what no picture shows. Builds the
     /// pipelines for priors of its kind, if it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_analysed(prior, PriorAnalysis::of(prior))
+        self.upload_analysed(prior, PriorAnalysis::of(prior), false)
     }
 
-    fn upload_analysed(&self, prior: &Prior, analysis: PriorAnalysis) -> Result<Arc<Scene>, Error> {
-        let kernels = self.scene_kernels(&PipelineKey::of(&analysis))?;
-        Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels)?))
+    /// As [`Engine::upload`], with room for what is learnt while diving: 4,096 splats. Such a scene changes with the
+    /// updates of the encoder or the decoder that it is given to. So give it to one of them only.
+    pub fn upload_for_updates(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
+        self.upload_analysed(prior, PriorAnalysis::of(prior), true)
+    }
+
+    fn upload_analysed(
+        &self,
+        prior: &Prior,
+        analysis: PriorAnalysis,
+        for_updates: bool,
+    ) -> Result<Arc<Scene>, Error> {
+        let mut key = PipelineKey::of(&analysis);
+        // Learnt splats may be opaque.
+        key.clamped |= for_updates;
+        let kernels = self.scene_kernels(&key)?;
+        Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels, for_updates)?))
     }
 
     fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
@@ -81,7 +95,7 @@ impl Engine {
 
     /// Uploads a prior together with what no picture shows, for comparisons.
     pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_analysed(prior, PriorAnalysis::everything(prior))
+        self.upload_analysed(prior, PriorAnalysis::everything(prior), false)
     }
 
     /// Makes a trainer of splats.

@@ -65,7 +65,7 @@ impl Definition {
         let analysis = PriorAnalysis::of(prior);
         let frame = prior.coordinate_frame();
         Definition {
-            planes: Planes::of(prior, &analysis),
+            planes: Planes::of(prior, &analysis, analysis.splats.len()),
             options: *prior.options(),
             centre: centre(prior),
             anchor: Anchor { centre: frame.centre, step: frame.step() as f32 },

@@ -9,6 +9,7 @@ mod frame;
 pub mod inspection;
 mod jacobian;
 mod kernels;
+mod learnt_room;
 pub(crate) mod levels;
 mod light;
 pub mod probe;

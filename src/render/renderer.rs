@@ -16,6 +16,7 @@ use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
+use super::scene::Held;
 use super::stages::{CameraPose, Channels, PictureEnds, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
@@ -107,6 +108,8 @@ pub struct Renderer {
     device: Device,
     kernels: Arc<Kernels>,
     scene: Arc<Scene>,
+    /// The scene's splats as the levels have them.
+    held: Held,
     plan: Plan,
     work: Workspace,
     levels: LevelBuffers,
@@ -143,6 +146,7 @@ impl Renderer {
     ) -> Result<Renderer, Error> {
         // Room for a few tiles per splat. A picture that needs more makes it grow once.
         let pairs = (scene.splats.room.saturating_mul(8)).clamp(1 << 14, 1 << 22);
+        let held = scene.splats.held();
         let levels = LevelBuffers::new(device, &scene.splats, camera, &plan.factors)?;
         let framed = plan.search.is_some() || !plan.jacobians.is_empty();
         let mut renderer = Renderer {
@@ -156,6 +160,7 @@ impl Renderer {
             times: Vec::with_capacity(TIMED_EVALUATIONS),
             search_stages: Vec::new(),
             recorded: Vec::new(),
+            held,
             levels,
             plan,
         };
@@ -239,6 +244,7 @@ impl Renderer {
     /// Runs a job of a level. If the picture needs more pairs than there is room for, makes room
     /// and runs again, so that a result is always complete.
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
+        self.follow_scene();
         loop {
             self.levels.ask(&self.scene, level, self.work.pair_capacity, pose);
             self.submit(job)?;
@@ -246,6 +252,15 @@ impl Renderer {
             if !self.grow(0)? {
                 return Ok(());
             }
+        }
+    }
+
+    /// Draws as many splats as the scene holds.
+    fn follow_scene(&mut self) {
+        let held = self.scene.splats.held();
+        if held != self.held {
+            self.levels.hold(&held, self.work.pair_capacity);
+            self.held = held;
         }
     }
 
@@ -465,6 +480,7 @@ impl Renderer {
     /// # Panics
     /// If the plan has no search.
     pub fn search(&mut self, program: &Program) -> Result<Searched<'_>, Error> {
+        self.follow_scene();
         let mut submissions = 0;
         loop {
             let frame = self.frame.as_mut().expect("only planned searches are asked for");

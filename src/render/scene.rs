@@ -8,11 +8,12 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
-use crate::prior::{CoordinateFrame, KeyFrames, Splats};
+use crate::prior::{CoordinateFrame, KeyFrames, Learnt, LearntSplat, Splats};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
 
+use super::learnt_room::{self, LearntRoom};
 use super::{PipelineKey, SceneKernels};
 
 /// Splats on the device, activated and laid out in planes, and the pipelines that draw them: what the stages read.
@@ -56,6 +57,12 @@ impl SplatBuffers {
         SplatBuffers { kernels, geometry, sh, room: held.stride, held: words, options }
     }
 
+    /// Sets how many splats are drawn from the next frame on, and the distance that none exceeds.
+    pub fn hold(&self, splats: u32, radius: f32) {
+        let words = [splats, radius.to_bits()];
+        self.held.iter().zip(words).for_each(|(to, word)| to.store(word, Ordering::Release));
+    }
+
     pub fn held(&self) -> Held {
         let [splats, radius] = [0, 1].map(|i: usize| self.held[i].load(Ordering::Acquire));
         Held { splats, stride: self.room, radius: f32::from_bits(radius) }
@@ -71,24 +78,32 @@ pub struct Scene {
     key_frames: KeyFrames,
     coder_tables: Arc<Tables>,
     preprocessing: Preprocessing,
+    /// Only if it was uploaded for updates.
+    learnt_room: Option<LearntRoom>,
 }
 
 impl Scene {
-    /// Uploads what pictures of a prior need. They are drawn by pipelines made for its [`PipelineKey`].
+    /// Uploads what pictures of a prior need. They are drawn by pipelines made for its [`PipelineKey`]. `for_updates`:
+    /// makes room for learnt splats.
     pub(crate) fn new(
         device: &Device,
         prior: &Prior,
         analysis: PriorAnalysis,
         kernels: Arc<SceneKernels>,
+        for_updates: bool,
     ) -> Result<Scene, Error> {
-        let count = analysis.splats.len();
+        let own = analysis.splats.len();
+        let count = own + if for_updates { learnt_room::ROOM } else { 0 };
         let named = format!("splats of degree {}", analysis.sh_degree);
         let room = Error::with_room_for(most_splats(device, analysis.sh_degree), &named);
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
-        let Planes { geometry, sh, radius } = Planes::of(prior, &analysis);
+        let Planes { geometry, sh, radius } = Planes::of(prior, &analysis, count);
+        let learnt_room = for_updates
+            .then(|| LearntRoom::new(device, prior, &analysis, &geometry, radius))
+            .transpose()?;
         let buffers = [upload("geometry", &geometry)?, upload("spherical harmonics", &sh)?];
-        let held = Held::all(count as u32, radius);
+        let held = Held { splats: own as u32, stride: count as u32, radius };
         let splats = SplatBuffers::new(kernels, buffers, &held, *prior.options());
         Ok(Scene {
             splats,
@@ -98,7 +113,22 @@ impl Scene {
             key_frames: prior.key_frames().clone(),
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
             preprocessing: *prior.preprocessing(),
+            learnt_room,
         })
+    }
+
+    /// Draws what is learnt too, from the next frame on, and the splats that a learner tries. Call it between frames;
+    /// the scene must have been uploaded for updates, and belong to one encoder or one decoder.
+    pub(crate) fn set_learnt(&self, learnt: &Learnt, tried: &[LearntSplat]) -> Result<(), Error> {
+        match &self.learnt_room {
+            Some(room) => room.write(&self.splats, learnt, tried),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether it was uploaded for updates.
+    pub fn takes_updates(&self) -> bool {
+        self.learnt_room.is_some()
     }
 
     /// Whether it is on this very device, as it was opened.
@@ -198,11 +228,12 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    pub fn of(prior: &Prior, analysis: &PriorAnalysis) -> Planes {
+    /// With room for `stride` splats.
+    pub fn of(prior: &Prior, analysis: &PriorAnalysis, stride: usize) -> Planes {
         let splats = prior.splats();
         Planes {
-            geometry: geometry(splats, &analysis.splats, centre(prior)),
-            sh: sh_planes(splats, analysis),
+            geometry: geometry(splats, &analysis.splats, stride, centre(prior)),
+            sh: sh_planes(splats, &analysis.splats, stride, analysis.sh_degree),
             radius: radius(splats, &analysis.splats, centre(prior)),
         }
     }
@@ -223,8 +254,13 @@ fn radius(splats: &Splats, which: &[u32], centre: DVec3) -> f32 {
 
 /// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,
 /// computed in f64 and rounded once.
-fn geometry(splats: &Splats, which: &[u32], centre: DVec3) -> Vec<f32> {
-    pair_planes(which, GEOMETRY_PLANES, |i| {
+pub(super) fn geometry(
+    splats: &Splats,
+    which: &[u32],
+    stride: usize,
+    centre: DVec3,
+) -> Vec<f32> {
+    pair_planes(which, stride, GEOMETRY_PLANES, |i| {
         let axes = scaled_axes(splats, i).to_cols_array();
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
         position
@@ -237,25 +273,25 @@ fn geometry(splats: &Splats, which: &[u32], centre: DVec3) -> Vec<f32> {
 }
 
 /// Planes of the coefficients that are needed, RGB after RGB. Two coefficients take three planes.
-fn sh_planes(splats: &Splats, analysis: &PriorAnalysis) -> Vec<f32> {
-    let stride = splats.sh_stride();
-    let needed = 3 * shared::sh_coefficients(analysis.sh_degree) as usize;
-    let planes = shared::sh_planes(analysis.sh_degree);
-    let of = |i: usize| splats.sh[i * stride..][..needed].iter().copied();
-    pair_planes(&analysis.splats, planes, of)
+pub(super) fn sh_planes(splats: &Splats, which: &[u32], stride: usize, degree: u32) -> Vec<f32> {
+    let own = splats.sh_stride();
+    let needed = 3 * shared::sh_coefficients(degree) as usize;
+    let of = |i: usize| splats.sh[i * own..][..needed].iter().copied();
+    pair_planes(which, stride, shared::sh_planes(degree), of)
 }
 
-/// Packs the values of every splat that `which` names, two per plane; 0 if a splat has no more values.
+/// Packs the values of every splat that `which` names, two per plane; 0 if a splat has no more values. The planes have
+/// room for `stride` splats.
 fn pair_planes<I: Iterator<Item = f32>>(
     which: &[u32],
+    stride: usize,
     planes: u32,
     values: impl Fn(usize) -> I,
 ) -> Vec<f32> {
-    let splats = which.len();
-    let mut words = vec![0.0; splats * planes as usize * 2];
+    let mut words = vec![0.0; stride * planes as usize * 2];
     for (place, i) in which.iter().enumerate() {
         for (k, value) in values(*i as usize).enumerate() {
-            words[(k / 2 * splats + place) * 2 + k % 2] = value;
+            words[(k / 2 * stride + place) * 2 + k % 2] = value;
         }
     }
     words

@@ -42,6 +42,17 @@ pub struct CommandCounts {
     pub barriers: u32,
 }
 
+/// A part of a buffer that is copied into another, in words of four bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Where it begins.
+    pub from: u64,
+    /// Where it goes.
+    pub to: u64,
+    /// How long it is.
+    pub words: u64,
+}
+
 impl CommandCounts {
     /// Those of this recording that an earlier state of it had not.
     pub fn since(self, earlier: CommandCounts) -> CommandCounts {
@@ -244,6 +255,32 @@ impl Recorder {
                 from.shared.raw,
                 to.shared.raw,
                 &region,
+            );
+        }
+        self.commands.buffers.extend([from.shared.clone(), to.shared.clone()]);
+        self.commands.counts.copies += 1;
+    }
+
+    /// Copies parts of a buffer, which do not overlap in `to`, beside what is recorded next: the barrier after that is
+    /// for both.
+    ///
+    /// # Panics
+    /// If a part does not lie inside both.
+    pub fn copy_parts(&mut self, from: &Buffer, to: &Buffer, parts: &[Part]) {
+        let region = |part: &Part| {
+            let [from_byte, to_byte, bytes] = [part.from, part.to, part.words].map(|w| 4 * w);
+            let fits = from_byte + bytes <= from.bytes() && to_byte + bytes <= to.bytes();
+            assert!(fits && bytes > 0, "a part out of bounds");
+            vk::BufferCopy::default().src_offset(from_byte).dst_offset(to_byte).size(bytes)
+        };
+        let regions: Vec<_> = parts.iter().map(region).collect();
+        // SAFETY: recording is open; the regions lie inside both buffers, which the recording keeps.
+        unsafe {
+            self.commands.device.device.cmd_copy_buffer(
+                self.commands.buffer,
+                from.shared.raw,
+                to.shared.raw,
+                &regions,
             );
         }
         self.commands.buffers.extend([from.shared.clone(), to.shared.clone()]);

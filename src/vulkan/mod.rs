@@ -19,7 +19,7 @@ mod transfer;
 // The types of a given device's handles.
 pub use ash;
 pub use buffer::{Buffer, Memory};
-pub use commands::{CommandCounts, Commands, Recorder, StageTime, Timing};
+pub use commands::{CommandCounts, Commands, Part, Recorder, StageTime, Timing};
 pub use device::{Device, DeviceOptions, MemoryUse, devices};
 pub use device_info::{DeviceInfo, DeviceKind, ListedDevice};
 pub use error::Error;

@@ -93,6 +93,11 @@ impl Learnt {
         &self.splats
     }
 
+    /// How many fades there are.
+    pub fn fades(&self) -> usize {
+        self.fades.len()
+    }
+
     /// What the opacity of one of the prior's own splats is multiplied by, 0 to 1, by the position of its centre.
     pub fn fade_of(&self, position: [f32; 3]) -> f32 {
         self.fades.iter().map(|fade| fade.at(position)).product()

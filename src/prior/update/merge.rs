@@ -4,6 +4,7 @@ use super::super::prior::Prior;
 use super::super::splats::Splats;
 use super::UpdateError;
 use super::learnt::Learnt;
+use super::splat::LearntSplat;
 
 /// Splats that fade to less than this are left out: no picture of 8 bits shows them.
 const LEAST_OPACITY: f64 = 1.0 / 255.0;
@@ -19,7 +20,7 @@ impl Prior {
             return Err(UpdateError::Foreign { stated: learnt.prior(), prior: self.id() });
         }
         let mut splats = faded(self.splats(), learnt);
-        append(&mut splats, learnt);
+        append(&mut splats, learnt.splats());
         let tables = self.coder_tables().map(|tables| tables.as_ref().clone());
         Ok(Prior::from_splats(splats, *self.options())?
             .with_key_frames(self.key_frames().clone())
@@ -43,9 +44,10 @@ fn faded(splats: &Splats, learnt: &Learnt) -> Splats {
     Splats { opacity_logits: logits, ..splats.clone() }.filtered(&kept)
 }
 
-fn append(splats: &mut Splats, learnt: &Learnt) {
+/// Adds learnt splats behind others. Their higher coefficients are 0.
+pub(crate) fn append(splats: &mut Splats, learnt: &[LearntSplat]) {
     let stride = splats.sh_stride();
-    for splat in learnt.splats() {
+    for splat in learnt {
         splats.positions.push(splat.position);
         splats.log_scales.push(splat.log_scale);
         splats.rotations.push(splat.rotation);
