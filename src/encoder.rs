@@ -1,9 +1,12 @@
 //! The vehicle's side: frames in, packets out.
 
+#[cfg(feature = "training")]
+mod learn;
+
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::frame_work::{FrameWork, TrackedStream};
+use crate::frame_work::{FoundFrame, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{
     CAMERA_PART_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN, SHORT_LATENT_LEN,
@@ -108,6 +111,8 @@ pub struct Encoder {
     acknowledged: Acknowledged,
     /// The last time that a frame stated.
     time: Option<f64>,
+    #[cfg(feature = "training")]
+    learning: learn::Learning,
 }
 
 impl Encoder {
@@ -147,6 +152,8 @@ impl Encoder {
             stream_ended: false,
             acknowledged: Acknowledged::default(),
             time: None,
+            #[cfg(feature = "training")]
+            learning: learn::Learning::default(),
         })
     }
 
@@ -180,6 +187,8 @@ impl Encoder {
             if !same_size {
                 self.residual = ResidualEncoder::new(&self.residual_setup());
             }
+            #[cfg(feature = "training")]
+            self.learn_again()?;
             self.camera_age = None;
         }
         self.mask = mask;
@@ -224,6 +233,8 @@ impl Encoder {
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
         self.residual = ResidualEncoder::new(&self.residual_setup());
+        #[cfg(feature = "training")]
+        self.learn_again()?;
         Ok(())
     }
 
@@ -282,6 +293,8 @@ impl Encoder {
         let found = self.track(work)?;
         work.code(&mut self.residual)?;
         self.keep(work, &found);
+        #[cfg(feature = "training")]
+        self.learn_from(work, &work.encoded.render);
         Ok(())
     }
 
@@ -308,6 +321,8 @@ impl Encoder {
     pub(crate) fn track_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let found = self.track(work)?;
         self.keep(work, &found);
+        #[cfg(feature = "training")]
+        self.learn_from(work, &work.render);
         Ok(())
     }
 
@@ -359,6 +374,7 @@ impl Encoder {
         let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
+        work.found = FoundFrame { number: self.frame, certain: found.certain };
         stats.frame = self.frame;
         stats.reference = None;
         stats.start = found.start;

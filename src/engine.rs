@@ -105,6 +105,16 @@ impl Engine {
         Trainer::new(&self.device, &self.kernels, self.scene_kernels(&key)?, plan)
     }
 
+    /// Makes a trainer of splats behind those of a scene, on pictures of a size.
+    #[cfg(feature = "training")]
+    pub(crate) fn trainer_behind(
+        &self,
+        scene: &Scene,
+        plan: &TrainingPlan,
+    ) -> Result<Trainer, Error> {
+        Trainer::behind(&self.device, &self.kernels, scene, plan)
+    }
+
     /// Makes a renderer of an uploaded prior.
     pub fn renderer(
         &self,

@@ -59,6 +59,10 @@ pub enum Error {
     FrameTime { frame: u32, time: f64 },
     #[error("frame {frame}: its time, {time} s, lies before that of an earlier frame, {before} s")]
     FrameTimeBack { frame: u32, time: f64, before: f64 },
+    #[error("a scene without room for updates: upload the prior with `upload_for_updates`")]
+    NoRoomForUpdates,
+    #[error(transparent)]
+    Update(#[from] crate::prior::UpdateError),
     #[error("prior {found} in place of {expected}")]
     PriorChanged { expected: crate::PriorId, found: crate::PriorId },
     #[error("no thread for coding differences: {0}")]

@@ -34,9 +34,18 @@ pub(crate) struct FrameWork {
     /// Depths of the render; in streams only.
     pub depths: Vec<f32>,
     pub pose: Pose,
+    pub found: FoundFrame,
     /// As far as they are known.
     pub stats: FrameStats,
     pub encoded: Encoded,
+}
+
+/// What a learner needs to know of a frame.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct FoundFrame {
+    pub number: u32,
+    /// The picture confirms the pose.
+    pub certain: bool,
 }
 
 /// What a frame of a stream may be predicted from.

@@ -35,6 +35,8 @@ pub mod capi;
 pub mod coder_tables;
 pub mod geometry;
 pub mod image;
+#[cfg(feature = "training")]
+pub mod learning;
 pub mod modem;
 pub mod packet;
 pub mod prior;

@@ -212,6 +212,8 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Vulkan(error) => of_vulkan(error),
         E::Prior(error) => of_prior(error),
         E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
+        E::Update(_) => NVSP_ERR_PRIOR,
+        E::NoRoomForUpdates => NVSP_ERR_ARGUMENT,
         E::Camera(_) => NVSP_ERR_CAMERA,
         E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
         E::Lens(_) | E::MaskSize { .. } | E::MaskEmpty | E::StreamCoder => NVSP_ERR_ARGUMENT,

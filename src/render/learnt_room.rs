@@ -78,6 +78,7 @@ impl LearntRoom {
         })
     }
 
+    #[cfg(feature = "training")]
     /// Where the splats that a learner trains begin, behind `learnt` ones.
     pub fn first_tried(&self, learnt: usize) -> u32 {
         self.own + learnt as u32

@@ -28,4 +28,6 @@ pub use levels::NormalEquations;
 pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::SortPrecision;
 pub use renderer::{Job, Plan, Renderer, SearchCommands, Searched};
+#[cfg(feature = "training")]
+pub(crate) use learnt_room::TRIED;
 pub use scene::Scene;

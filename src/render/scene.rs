@@ -71,7 +71,7 @@ impl SplatBuffers {
 
 /// A prior on the device.
 pub struct Scene {
-    pub(crate) splats: SplatBuffers,
+    pub(crate) splats: Arc<SplatBuffers>,
     analysis: PriorAnalysis,
     id: PriorId,
     frame: CoordinateFrame,
@@ -106,7 +106,7 @@ impl Scene {
         let held = Held { splats: own as u32, stride: count as u32, radius };
         let splats = SplatBuffers::new(kernels, buffers, &held, *prior.options());
         Ok(Scene {
-            splats,
+            splats: Arc::new(splats),
             analysis,
             id: prior.id(),
             frame: prior.coordinate_frame(),
@@ -124,6 +124,12 @@ impl Scene {
             Some(room) => room.write(&self.splats, learnt, tried),
             None => Ok(()),
         }
+    }
+
+    /// Where the splats that a learner trains begin in the planes, behind so many learnt ones; `None`: there is no room.
+    #[cfg(feature = "training")]
+    pub(crate) fn first_tried(&self, learnt: usize) -> Option<u32> {
+        self.learnt_room.as_ref().map(|room| room.first_tried(learnt))
     }
 
     /// Whether it was uploaded for updates.

@@ -18,7 +18,7 @@ use crate::training::{
 use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
-use super::Kernels;
+use super::{Kernels, Scene};
 use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
@@ -154,7 +154,9 @@ pub struct Trainer {
     kernels: Arc<Kernels>,
     own: TrainingKernels,
     plan: TrainingPlan,
-    splats: SplatBuffers,
+    splats: Arc<SplatBuffers>,
+    /// Place of the first splat that is trained.
+    first: u32,
     levels: LevelBuffers,
     bytes: Bytes,
     fixed: Fixed,
@@ -181,8 +183,9 @@ impl Recorded {
 }
 
 impl Fixed {
-    fn new(device: &Device, plan: &TrainingPlan) -> Result<Fixed, Error> {
-        let splats = plan.splats as usize;
+    /// `room`: splats of the planes that are drawn, those that are not trained too.
+    fn new(device: &Device, plan: &TrainingPlan, room: u32) -> Result<Fixed, Error> {
+        let splats = room as usize;
         let pixels = plan.size[0] as usize * plan.size[1] as usize;
         let numbers = plan.numbers();
         let own = |name, count| Buffer::new::<f32>(device, name, count, Memory::Device);
@@ -246,22 +249,53 @@ impl Trainer {
             own("geometry", GEOMETRY_PLANES)?,
             own("spherical harmonics", sh_planes(plan.sh_degree))?,
         ];
-        // Training moves the splats.
         let held = Held::all(plan.splats, f32::INFINITY);
         let splats = SplatBuffers::new(scene_kernels, buffers, &held, plan.options);
+        Trainer::of(device, kernels, Arc::new(splats), 0, plan)
+    }
+
+    /// Trains splats that lie behind those of a scene, which stay. The scene does not draw them. Its encoder may go on
+    /// between two steps.
+    ///
+    /// # Panics
+    /// If the scene was not uploaded for updates, or has not the plan's degree.
+    pub(crate) fn behind(
+        device: &Device,
+        kernels: &Arc<Kernels>,
+        scene: &Scene,
+        plan: &TrainingPlan,
+    ) -> Result<Trainer, Error> {
+        let first = scene.first_tried(0).expect("a scene for updates");
+        assert_eq!(plan.sh_degree, scene.analysis().sh_degree, "the scene's degree");
+        Trainer::of(device, kernels, scene.splats.clone(), first, plan)
+    }
+
+    /// Says that so many learnt splats lie before those that are trained.
+    pub(crate) fn set_first(&mut self, first: u32) {
+        self.first = first;
+    }
+
+    fn of(
+        device: &Device,
+        kernels: &Arc<Kernels>,
+        splats: Arc<SplatBuffers>,
+        first: u32,
+        plan: &TrainingPlan,
+    ) -> Result<Trainer, Error> {
         let [width, height] = plan.size;
         let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
         let levels = LevelBuffers::new(device, &splats, &camera, &[1])?;
-        let pairs = first_pairs(plan.splats);
+        let (pairs, slots) = (first_pairs(splats.room), first_pairs(plan.splats));
         Ok(Trainer {
             device: device.clone(),
             kernels: kernels.clone(),
             own: TrainingKernels::new(device)?,
             bytes: Bytes::new(device, &levels)?,
-            fixed: Fixed::new(device, plan)?,
-            grown: Grown::new(device, &splats, pairs, pairs)?,
+            fixed: Fixed::new(device, plan, splats.room)?,
+            grown: Grown::new(device, &splats, pairs, slots)?,
             plan: plan.clone(),
             splats,
+            first,
             levels,
             recorded: Recorded::default(),
         })
@@ -361,8 +395,9 @@ impl Trainer {
         }
         loop {
             let slot_capacity = self.grown.slot_capacity;
-            let trained = self.plan.splats;
-            self.fixed.training.write(&[Training { slot_capacity, trained, ..*training }]);
+            let (first_trained, trained) = (self.first, self.plan.splats);
+            let own = Training { slot_capacity, first_trained, trained, ..*training };
+            self.fixed.training.write(&[own]);
             self.ask(camera, pose);
             self.submit(job)?;
             if !self.grow()? {
@@ -382,7 +417,10 @@ impl Trainer {
     }
 
     fn ask(&mut self, camera: &Camera, pose: &Pose) {
-        let own = prototype(&self.plan.options, &self.splats.held(), camera, 1, 0);
+        // Training moves the splats.
+        let (splats, stride) = (self.first + self.plan.splats, self.splats.room);
+        let held = Held { splats, stride, radius: f32::INFINITY };
+        let own = prototype(&self.plan.options, &held, camera, 1, 0);
         let Params { sort_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
         let pair_capacity = self.grown.work.pair_capacity;
         let mut own = Params { sort_blocks, tiles_per_group, pair_capacity, ..own };
@@ -426,6 +464,7 @@ impl Trainer {
         r.copy_beside(&levels.params_asked, &levels.params);
         r.copy_beside(&levels.groups_asked, &levels.groups);
         r.fill(&fixed.slot_counters, 0);
+        r.fill(&fixed.starts, NO_PAIR);
         self.activate(r)?;
         stages.picture(r, Channels::Colour, CameraPose::Asked, Pass::Evaluation)?;
         if let Job::Picture = job {

@@ -1,5 +1,7 @@
 //! `nvsprior encode`: frames in, packets out.
 
+mod learn;
+
 use std::path::PathBuf;
 
 use anyhow::Context;
@@ -39,6 +41,8 @@ pub struct Args {
     mode: ModeArgs,
     #[command(flatten)]
     interest: InterestArgs,
+    #[command(flatten)]
+    learn: learn::LearnArgs,
     /// Folder for the packets, NAME.nvsp; made if it is missing
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
@@ -209,7 +213,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let interest = args.interest.interest(&frames[0].camera)?;
     let first = &frames[0];
     let engine = args.device.open()?;
-    let scene = args.prior.upload(&engine)?;
+    let scene = args.learn.upload(&args.prior, &engine)?;
     let mut options = args.refine.options();
     options.rate = args.rate.rate();
     options.residual = args.rate.coder();
@@ -226,6 +230,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
     encoder.set_interest(interest);
+    args.learn.begin(&mut encoder)?;
     if args.input.starts == "none" {
         render_key_frames(&mut encoder)?;
     }
@@ -239,6 +244,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     summary::print(&rows);
+    args.learn.print(&encoder);
     if let Some(path) = &args.summary {
         summary::write(path, &rows)?;
     }
@@ -272,12 +278,13 @@ fn encode(
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;
+    let update_bytes = args.learn.write_update(encoder, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
         frame_file::write_png(&path, &encoded.picture)?;
     }
     let time = input.external.time;
-    let row = Row { file: input.file.clone(), time, stats: encoded.stats };
+    let row = Row { file: input.file.clone(), time, update_bytes, stats: encoded.stats };
     let (render, reconstruction) = (encoded.render, encoded.picture);
     let sheet = args.sheet.is_some().then_some(SheetRow {
         frame,

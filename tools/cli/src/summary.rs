@@ -11,6 +11,8 @@ pub struct Row {
     pub file: String,
     /// When it was taken, seconds, if that is known.
     pub time: Option<f64>,
+    /// Bytes of the update that was sent after it; 0: none.
+    pub update_bytes: usize,
     pub stats: FrameStats,
 }
 
@@ -42,6 +44,7 @@ fn frame(row: &Row) -> Value {
         "time": row.time,
         "bytes": s.bytes,
         "latent_bytes": s.latent_bytes,
+        "update_bytes": row.update_bytes,
         "render_psnr": s.render_psnr,
         "psnr": s.psnr,
         // The PSNR within --region; null without it.

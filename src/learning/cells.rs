@@ -1,0 +1,106 @@
+//! Where a frame differs from the render: cells of the picture, and the splats that begin there.
+
+use glam::DVec3;
+
+use crate::Picture;
+
+use super::blur::blurred;
+use super::key_frame::KeyFrame;
+use super::sweep::sweep;
+
+/// Side of a cell, pixels of a picture 320 wide.
+const CELL: usize = 8;
+/// Mean difference of a cell from which on it gets a splat, of 255.
+const DIFFERENT: f32 = 14.0;
+/// More than this counts as this: one bright line is no object.
+const MOST: f32 = 60.0;
+/// Standard deviation of a first splat, in sides of its cell.
+const SPREAD: f64 = 0.45;
+
+/// A splat as it begins: round, of one colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    pub position: DVec3,
+    /// Red, green, blue, 0 to 1.
+    pub colour: [f32; 3],
+    /// Standard deviation, the prior's unit.
+    pub size: f64,
+}
+
+/// What the scene shows at a key frame's pose.
+pub struct Shown {
+    pub render: Picture,
+    /// Depths of the render's pixels.
+    pub depths: Vec<f32>,
+}
+
+/// Adds splats where a frame differs from its render and no splat of `starts` shows yet, `most` in all.
+pub fn add_starts(
+    key: &KeyFrame,
+    shown: &Shown,
+    others: &[&KeyFrame],
+    most: usize,
+    starts: &mut Vec<Start>,
+) {
+    let camera = &key.camera;
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let cell = (CELL * width / 320).max(4);
+    let across = width.div_ceil(cell);
+    let mut covered = vec![false; across * height.div_ceil(cell)];
+    for start in starts.iter() {
+        if let Some(([x, y], _)) = key.seen(start.position)
+            && x >= 0.0
+            && y >= 0.0
+            && x < width as f64
+            && y < height as f64
+        {
+            covered[y as usize / cell * across + x as usize / cell] = true;
+        }
+    }
+    let difference = differences(key, shown);
+    for (index, _) in covered.iter().enumerate().filter(|(_, covered)| !**covered) {
+        if starts.len() >= most {
+            return;
+        }
+        let (left, top) = (index % across * cell, index / across * cell);
+        let (columns, rows) = (left..(left + cell).min(width), top..(top + cell).min(height));
+        let pixels = rows.flat_map(|y| columns.clone().map(move |x| [x, y]));
+        if let Some([x, y]) = middle(pixels, |[x, y]| difference[y * width + x]) {
+            let depth = f64::from(shown.depths[y * width + x]);
+            let found = (depth > 0.0).then(|| sweep(key, [x, y], depth, others)).flatten();
+            starts.extend(found.map(|(position, z)| Start {
+                position,
+                colour: key.blurred[y * width + x].map(|value| value / 255.0),
+                size: SPREAD * cell as f64 * z / f64::from(camera.fx),
+            }));
+        }
+    }
+}
+
+/// How much each pixel differs, in the channel that differs most; 0 if it does not count.
+fn differences(key: &KeyFrame, shown: &Shown) -> Vec<f32> {
+    let render = blurred(&shown.render);
+    let pairs = key.blurred.iter().zip(&render).enumerate();
+    pairs
+        .map(|(pixel, (a, b))| {
+            let off = |c: usize| (a[c] - b[c]).abs();
+            let most = off(0).max(off(1)).max(off(2));
+            if key.counts(pixel) { most.min(MOST) } else { 0.0 }
+        })
+        .collect()
+}
+
+/// The middle of what differs in a cell; `None` if that is too little.
+fn middle(
+    pixels: impl Iterator<Item = [usize; 2]>,
+    difference: impl Fn([usize; 2]) -> f32,
+) -> Option<[usize; 2]> {
+    let (mut sum, mut along, mut count) = (0.0, [0.0; 2], 0.0);
+    for [x, y] in pixels {
+        let weight = difference([x, y]);
+        sum += weight;
+        along = [along[0] + weight * x as f32, along[1] + weight * y as f32];
+        count += 1.0;
+    }
+    (sum >= DIFFERENT * count).then(|| along.map(|v| (v / sum).round() as usize))
+}

@@ -1,0 +1,381 @@
+//! The learner: a slice of work per frame.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::image::Mask;
+use crate::prior::update::{LearntSplat, MAX_LEARNT};
+use crate::prior::{Learnt, NewSplat, Update, UpdateGrid};
+use crate::random::Random;
+use crate::render::training::{Trainer, TrainingFrame, TrainingPlan, TrainingView};
+use crate::render::{Plan, Renderer, Scene, TRIED};
+use crate::residual::ResidualSetup;
+use crate::{Camera, Engine, Error, Picture, Pose, Rate};
+
+use super::LearnOptions;
+use super::cells::{Shown, Start, add_starts};
+use super::held_out::{HeldOut, HeldOuts};
+use super::judge::{Judge, pays};
+use super::key_frame::KeyFrame;
+use super::refine::Course;
+
+/// Fewest splats that an update is worth.
+const FEWEST: usize = 6;
+/// New key frames between two episodes.
+const FRESH: usize = 4;
+/// Key frames redrawn per frame after an update.
+const REDRAWN: usize = 2;
+
+/// What a learner did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LearnerStats {
+    /// Updates given out.
+    pub updates: u32,
+    /// Updates that did not pay, and were dropped.
+    pub refused: u32,
+    /// Splats that were learnt and are still there.
+    pub splats: usize,
+    /// Bytes of all updates.
+    pub update_bytes: usize,
+}
+
+/// A frame as its encoder has found it.
+pub struct Found<'a> {
+    pub number: u32,
+    /// As it was treated. Masked pixels show the render.
+    pub frame: &'a Picture,
+    /// The scene's render at the pose.
+    pub render: &'a Picture,
+    pub pose: &'a Pose,
+    /// The picture confirms the pose.
+    pub certain: bool,
+    pub mask: Option<&'a Mask>,
+    pub rate: Option<Rate>,
+}
+
+/// A key frame with what the scene shows there; `None` if an update came since.
+struct Kept {
+    frame: Arc<KeyFrame>,
+    shown: Option<Shown>,
+}
+
+/// An update that is trained or judged.
+struct Draft {
+    course: Course,
+    /// What it is learnt from.
+    frames: Vec<(Arc<KeyFrame>, TrainingFrame)>,
+    /// Splats that are trained.
+    count: usize,
+    step: u32,
+    /// Once it is trained: the update, its bytes, and what it saved.
+    trained: Option<Trained>,
+}
+
+struct Trained {
+    update: Update,
+    bytes: Vec<u8>,
+    splats: Vec<LearntSplat>,
+    saved: Vec<f64>,
+}
+
+/// Learns beside an encoder, on the encoder's scene, which must have been uploaded for updates.
+pub struct Learner {
+    scene: Arc<Scene>,
+    options: LearnOptions,
+    camera: Camera,
+    renderer: Renderer,
+    trainer: Trainer,
+    judge: Judge,
+    learnt: Learnt,
+    kept: VecDeque<Kept>,
+    /// Key frames since the last episode began.
+    fresh: usize,
+    held_out: HeldOuts,
+    draft: Option<Draft>,
+    random: Random,
+    stats: LearnerStats,
+}
+
+impl Learner {
+    /// Makes a learner for frames of a camera. `learnt`: what the scene shows already.
+    pub fn new(
+        engine: &Engine,
+        scene: &Arc<Scene>,
+        camera: &Camera,
+        setup: &ResidualSetup,
+        learnt: Learnt,
+        options: &LearnOptions,
+    ) -> Result<Learner, Error> {
+        let plan = TrainingPlan {
+            size: [camera.width, camera.height],
+            options: scene.splats.options,
+            sh_degree: scene.analysis().sh_degree,
+            splats: TRIED as u32,
+            centre: scene.centre(),
+            ssim: false,
+            profiled: false,
+        };
+        Ok(Learner {
+            scene: scene.clone(),
+            options: options.clone(),
+            camera: *camera,
+            renderer: engine.renderer(scene, camera, Plan::picture())?,
+            trainer: engine.trainer_behind(scene, &plan)?,
+            judge: Judge::new(setup),
+            learnt,
+            kept: VecDeque::new(),
+            fresh: 0,
+            held_out: HeldOuts::default(),
+            draft: None,
+            random: Random::new(1),
+            stats: LearnerStats::default(),
+        })
+    }
+
+    /// What is learnt so far.
+    pub fn learnt(&self) -> &Learnt {
+        &self.learnt
+    }
+
+    /// What it did.
+    pub fn stats(&self) -> LearnerStats {
+        LearnerStats { splats: self.learnt.splats().len(), ..self.stats }
+    }
+
+    /// Takes a frame and does a slice of work. Returns the bytes of an update, if one is proven; the scene shows it
+    /// from the next frame on.
+    ///
+    /// # Errors
+    /// If the device fails. What was learnt before stays.
+    pub fn frame(&mut self, found: &Found) -> Result<Option<Vec<u8>>, Error> {
+        if found.certain {
+            self.keep(found)?;
+        }
+        match self.draft.take() {
+            None => {
+                self.redraw()?;
+                if self.fresh >= FRESH && self.kept.len() >= self.options.frames {
+                    self.draft = self.begin()?;
+                }
+                Ok(None)
+            }
+            Some(draft) if draft.trained.is_none() => {
+                self.draft = self.refine(draft)?;
+                Ok(None)
+            }
+            Some(draft) => self.judge(draft, found.rate),
+        }
+    }
+
+    /// Keeps a frame if the camera has moved enough, and in any case to judge by.
+    fn keep(&mut self, found: &Found) -> Result<(), Error> {
+        let Found { number, frame, render, pose, mask, .. } = *found;
+        let frame = Arc::new(KeyFrame::new(number, &self.camera, pose, frame, mask));
+        if self.draft.is_some() {
+            let held = HeldOut { frame: frame.clone(), render: render.clone() };
+            self.held_out.push(held, self.options.judged);
+        }
+        let shown = self.shown(pose)?;
+        let moved = self.kept.back().is_none_or(|last| {
+            parallax(&last.frame, &frame, &shown) >= self.options.parallax
+        });
+        if moved {
+            while self.kept.len() >= self.options.frames {
+                self.kept.pop_front();
+            }
+            self.kept.push_back(Kept { frame, shown: Some(shown) });
+            self.fresh += 1;
+        }
+        Ok(())
+    }
+
+    fn shown(&mut self, pose: &Pose) -> Result<Shown, Error> {
+        let mut render = Picture::new(self.camera.width, self.camera.height);
+        let floats = self.renderer.draw(pose)?;
+        let pixels = floats.as_chunks::<5>().0;
+        let depths = pixels.iter().map(|[.., z, left]| z / (1.0 - left).max(1e-3)).collect();
+        let bytes = pixels.iter().flat_map(|[r, g, b, ..]| [*r, *g, *b]);
+        render.data.iter_mut().zip(bytes).for_each(|(to, v)| *to = crate::render::to_byte(v));
+        Ok(Shown { render, depths })
+    }
+
+    /// Draws some key frames anew, after an update.
+    fn redraw(&mut self) -> Result<(), Error> {
+        for _ in 0..REDRAWN {
+            let Some(index) = self.kept.iter().position(|kept| kept.shown.is_none()) else {
+                return Ok(());
+            };
+            let pose = self.kept[index].frame.pose;
+            self.kept[index].shown = Some(self.shown(&pose)?);
+        }
+        Ok(())
+    }
+
+    /// Begins an episode; `None`: the frames show nothing new.
+    fn begin(&mut self) -> Result<Option<Draft>, Error> {
+        let room = MAX_LEARNT - self.learnt.splats().len();
+        let most = self.options.splats.min(TRIED).min(room);
+        if self.kept.iter().any(|kept| kept.shown.is_none()) || most < FEWEST {
+            return Ok(None);
+        }
+        self.fresh = 0;
+        let starts = self.starts(most);
+        if starts.len() < FEWEST {
+            return Ok(None);
+        }
+        let course = self.course(&starts);
+        self.trainer.set_first(self.scene.first_tried(self.learnt.splats().len()).unwrap_or(0));
+        self.trainer.set(&course.state(&starts, &mut self.random))?;
+        let training = |frame: &Arc<KeyFrame>| (frame.clone(), training_frame(frame));
+        let frames = self.kept.iter().map(|kept| training(&kept.frame)).collect();
+        self.held_out.clear();
+        Ok(Some(Draft { course, frames, count: starts.len(), step: 0, trained: None }))
+    }
+
+    /// The splats that an episode starts from: the middle frame's first, then what others show beside.
+    fn starts(&self, most: usize) -> Vec<Start> {
+        let mut order: Vec<usize> = (0..self.kept.len()).collect();
+        let middle = self.kept.len() / 2;
+        order.sort_by_key(|index| index.abs_diff(middle));
+        let mut starts = Vec::new();
+        for index in order {
+            let kept = &self.kept[index];
+            let mut others: Vec<usize> = (0..self.kept.len()).filter(|i| *i != index).collect();
+            others.sort_by_key(|other| other.abs_diff(index));
+            let others: Vec<&KeyFrame> = others.iter().map(|i| &*self.kept[*i].frame).collect();
+            if let Some(shown) = &kept.shown {
+                add_starts(&kept.frame, shown, &others, most, &mut starts);
+            }
+        }
+        starts
+    }
+
+    fn course(&self, starts: &[Start]) -> Course {
+        let eye = self.kept[self.kept.len() / 2].frame.pose.centre();
+        let mut distances: Vec<f64> = starts.iter().map(|s| s.position.distance(eye)).collect();
+        distances.sort_by(f64::total_cmp);
+        let distance = distances[distances.len() / 2];
+        let half_pixel = 0.5 * distance / f64::from(self.camera.fx);
+        let sum: DVec3 = starts.iter().map(|start| start.position).sum();
+        let origin = (sum / starts.len() as f64).as_vec3().to_array();
+        let exponent = half_pixel.log2().floor().clamp(-40.0, 40.0) as i8;
+        Course {
+            steps: self.options.steps,
+            distance,
+            grid: UpdateGrid { origin, exponent },
+            sh_degree: self.scene.analysis().sh_degree,
+            pixels: self.camera.pixels(),
+            room: TRIED,
+            centre: self.scene.centre(),
+        }
+    }
+
+    /// Takes some steps; `None`: nothing is left of the draft.
+    fn refine(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
+        for _ in 0..self.options.steps_per_frame {
+            if draft.step >= draft.course.steps {
+                break;
+            }
+            let turn = (self.random.bits() % draft.frames.len() as u64) as usize;
+            let (key, frame) = &draft.frames[turn];
+            let view = TrainingView { camera: &key.camera, pose: &key.pose, frame };
+            self.trainer.step(&view, &draft.course.at(draft.step))?;
+            draft.step += 1;
+        }
+        if draft.step < draft.course.steps {
+            return Ok(Some(draft));
+        }
+        self.finish(draft)
+    }
+
+    /// Makes the update of a draft that is trained.
+    fn finish(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
+        let state = self.trainer.state()?;
+        let splats = draft.course.splats(&state, draft.count);
+        let grid = draft.course.grid;
+        let numbers = draft.frames.iter().map(|(frame, _)| frame.number % (1 << 24));
+        let update = Update {
+            prior: self.scene.id(),
+            number: self.learnt.number() + 1,
+            before: self.learnt.state(),
+            grid,
+            splats: splats.iter().map(|splat| NewSplat::nearest(splat, &grid)).collect(),
+            removed: Vec::new(),
+            fades: Vec::new(),
+            frames: [numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0)],
+        };
+        if update.splats.len() < FEWEST {
+            return Ok(None);
+        }
+        let splats = update.splats.iter().map(|splat| splat.learnt(&grid)).collect();
+        let mut bytes = Vec::new();
+        update.write(&mut bytes)?;
+        draft.trained = Some(Trained { update, bytes, splats, saved: Vec::new() });
+        Ok(Some(draft))
+    }
+
+    /// Judges a draft by one frame that it was not learnt from. Returns its bytes if it pays.
+    fn judge(&mut self, mut draft: Draft, rate: Option<Rate>) -> Result<Option<Vec<u8>>, Error> {
+        let (Some(trained), Some(held)) = (&mut draft.trained, self.held_out.pop()) else {
+            self.draft = Some(draft);
+            return Ok(None);
+        };
+        let saved = self.saved(&trained.splats, &held, rate)?;
+        trained.saved.push(saved);
+        if trained.saved.len() < self.options.judged {
+            self.draft = Some(draft);
+            return Ok(None);
+        }
+        if !pays(&trained.saved, trained.bytes.len(), self.options.horizon) {
+            self.stats.refused += 1;
+            return Ok(None);
+        }
+        self.learnt.add(&trained.update)?;
+        self.scene.set_learnt(&self.learnt, &[])?;
+        self.kept.iter_mut().for_each(|kept| kept.shown = None);
+        self.stats.updates += 1;
+        self.stats.update_bytes += trained.bytes.len();
+        Ok(Some(std::mem::take(&mut trained.bytes)))
+    }
+
+    /// Bytes that some splats save on a frame.
+    fn saved(
+        &mut self,
+        splats: &[LearntSplat],
+        held: &HeldOut,
+        rate: Option<Rate>,
+    ) -> Result<f64, Error> {
+        let mut with = Picture::new(self.camera.width, self.camera.height);
+        self.scene.set_learnt(&self.learnt, splats)?;
+        let drawn = self.renderer.picture(&held.frame.pose, &mut with);
+        self.scene.set_learnt(&self.learnt, &[])?;
+        drawn?;
+        if let Some(mask) = &held.frame.mask {
+            // What does not count shows the same in both, and costs nothing.
+            mask.each_masked(&mut with.data, |at, rgb| {
+                rgb.copy_from_slice(&held.render.data[at..at + 3]);
+            });
+        }
+        Ok(self.judge.saved(&held.frame.picture, &held.render, &with, rate)?)
+    }
+}
+
+fn training_frame(key: &KeyFrame) -> TrainingFrame {
+    let (pixels, _) = key.picture.data.as_chunks::<3>();
+    let rgb = |pixel: usize| pixels[pixel].map(|byte| f32::from(byte) / 255.0);
+    TrainingFrame::from_fn(pixels.len(), |pixel| key.counts(pixel).then(|| rgb(pixel)))
+}
+
+/// How far points at the picture's median depth have moved between two frames because the camera did, pixels.
+fn parallax(last: &KeyFrame, frame: &KeyFrame, shown: &Shown) -> f64 {
+    let mut depths: Vec<f32> = shown.depths.iter().copied().filter(|z| *z > 0.0).collect();
+    if depths.is_empty() {
+        return 0.0;
+    }
+    let middle = depths.len() / 2;
+    let (_, median, _) = depths.select_nth_unstable_by(middle, f32::total_cmp);
+    let moved = last.pose.centre().distance(frame.pose.centre());
+    moved * f64::from(frame.camera.fx) / f64::from(*median)
+}

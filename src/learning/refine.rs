@@ -1,0 +1,117 @@
+//! Training the splats of an update, and only these.
+
+use glam::DVec3;
+
+use crate::prior::update::{COLOUR_STEP, LOG_SCALE_STEP, LOGIT_STEP, ROTATION_STEPS};
+use crate::prior::{LearntSplat, UpdateGrid};
+use crate::random::Random;
+use crate::render::training::{FADING, Training, TrainingState};
+use crate::shared::sh_coefficients;
+use crate::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
+
+use super::cells::Start;
+
+/// Logit of the opacity of a first splat.
+const FIRST_LOGIT: f32 = 1.6;
+/// Logit of the opacity of splats that are not in use: they show nowhere.
+const UNUSED: f32 = -20.0;
+/// The first coefficient's basis function.
+const SH_0: f32 = 0.282_094_8;
+/// Splats of a lower opacity than this logit's are left out of the update.
+const FAINT: f32 = -2.8;
+/// Share of the steps that are taken with splats as they are, before they are rounded.
+const FREE: f64 = 0.6;
+/// Share of the rates that is left at the end.
+const LAST: f64 = 0.1;
+/// Rates at the start: of positions, in median distances; log scales, rotations, opacities, colours.
+const RATES: [f32; 5] = [8e-4, 0.04, 0.02, 0.1, 0.04];
+/// Errors below it count by their squares, of 1.
+const KNEE: f32 = 0.1;
+
+/// How the splats of an update are trained.
+#[derive(Clone, Debug)]
+pub struct Course {
+    pub steps: u32,
+    /// Median distance of the splats from the camera, the prior's unit.
+    pub distance: f64,
+    /// Step of positions.
+    pub grid: UpdateGrid,
+    pub sh_degree: u32,
+    pub pixels: usize,
+    /// Splats that there is room for.
+    pub room: usize,
+    /// What positions are relative to.
+    pub centre: DVec3,
+}
+
+impl Course {
+    /// The parameters that training starts from.
+    pub fn state(&self, starts: &[Start], random: &mut Random) -> TrainingState {
+        let room = self.room;
+        let mut parameters = vec![0.0; room * planes(self.sh_degree) as usize];
+        let mut set = |plane: u32, i: usize, value: f32| {
+            parameters[plane as usize * room + i] = value;
+        };
+        for i in 0..room {
+            set(OPACITY, i, UNUSED);
+            set(ROTATION, i, 1.0);
+        }
+        for (i, start) in starts.iter().enumerate() {
+            let position = (start.position - self.centre).as_vec3().to_array();
+            for k in 0..3 {
+                set(POSITION + k, i, position[k as usize]);
+                set(LOG_SCALE + k, i, start.size.ln() as f32);
+                set(ROTATION + 1 + k, i, random.within(-0.1, 0.1));
+                set(SH + k, i, (start.colour[k as usize] - 0.5) / SH_0);
+            }
+            set(OPACITY, i, FIRST_LOGIT);
+        }
+        let zero = vec![0.0; parameters.len()];
+        TrainingState { parameters, first: zero.clone(), second: zero }
+    }
+
+    /// What step `step` is told.
+    pub fn at(&self, step: u32) -> Training {
+        let share = f64::from(step) / f64::from(self.steps);
+        let fall = LAST.powf(share) as f32;
+        let unbias = |fading: f32| 1.0 / (1.0 - f64::from(fading).powf(f64::from(step) + 1.0));
+        let [position, log_scale, rotation, opacity, colour] = RATES.map(|rate| rate * fall);
+        let coefficients = sh_coefficients(self.sh_degree);
+        let rounding = [
+            self.grid.step() as f32,
+            LOG_SCALE_STEP,
+            1.0 / f32::from(ROTATION_STEPS),
+            LOGIT_STEP,
+            COLOUR_STEP,
+        ];
+        Training {
+            sh_coefficients: coefficients,
+            sh_trained: coefficients,
+            step,
+            rates: [position * self.distance as f32, log_scale, rotation, opacity, colour, 0.0],
+            unbias: FADING.map(|fading| unbias(fading) as f32),
+            per_value: 1.0 / (3 * self.pixels) as f32,
+            knee: KNEE,
+            rounding: if share >= FREE { rounding } else { [0.0; 5] },
+            ..Training::default()
+        }
+    }
+
+    /// The first `count` splats as they were trained, without those that are too faint.
+    pub fn splats(&self, state: &TrainingState, count: usize) -> Vec<LearntSplat> {
+        let at = |plane: u32, i: usize| state.parameters[plane as usize * self.room + i];
+        let triple = |plane: u32, i: usize| [0, 1, 2].map(|k| at(plane + k, i));
+        (0..count)
+            .filter(|i| at(OPACITY, *i) > FAINT)
+            .map(|i| LearntSplat {
+                position: (DVec3::from(triple(POSITION, i).map(f64::from)) + self.centre)
+                    .as_vec3()
+                    .to_array(),
+                log_scale: triple(LOG_SCALE, i),
+                rotation: [0, 1, 2, 3].map(|k| at(ROTATION + k, i)),
+                logit: at(OPACITY, i),
+                colour: triple(SH, i),
+            })
+            .collect()
+    }
+}
