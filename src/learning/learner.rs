@@ -16,6 +16,7 @@ use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 use super::LearnOptions;
 use super::cells::{Shown, Start, add_starts};
+use super::harm::Harms;
 use super::held_out::{HeldOut, HeldOuts};
 use super::judge::{Judge, pays};
 use super::key_frame::KeyFrame;
@@ -25,6 +26,8 @@ use super::refine::Course;
 const FEWEST: usize = 6;
 /// New key frames between two episodes.
 const FRESH: usize = 4;
+/// Newest key frames by which learnt splats are taken back.
+const COMPARED: usize = 3;
 /// Key frames redrawn per frame after an update.
 const REDRAWN: usize = 2;
 
@@ -63,6 +66,9 @@ struct Kept {
 
 /// An update that is trained or judged.
 struct Draft {
+    /// What is learnt already and stays, and what is taken back.
+    base: Learnt,
+    removed: Vec<u16>,
     course: Course,
     /// What it is learnt from.
     frames: Vec<(Arc<KeyFrame>, TrainingFrame)>,
@@ -156,15 +162,15 @@ impl Learner {
         match self.draft.take() {
             None => {
                 self.redraw()?;
-                if self.fresh >= FRESH && self.kept.len() >= self.options.frames {
+                if self.fresh >= FRESH && self.kept.len() >= self.options.fewest_frames {
                     self.draft = self.begin()?;
                 }
                 Ok(None)
             }
-            Some(draft) if draft.trained.is_none() => {
-                self.draft = self.refine(draft)?;
-                Ok(None)
-            }
+            Some(draft) if draft.trained.is_none() => match self.refine(draft)? {
+                Some(draft) => self.judge(draft, found.rate),
+                None => Ok(None),
+            },
             Some(draft) => self.judge(draft, found.rate),
         }
     }
@@ -215,23 +221,61 @@ impl Learner {
 
     /// Begins an episode; `None`: the frames show nothing new.
     fn begin(&mut self) -> Result<Option<Draft>, Error> {
-        let room = MAX_LEARNT - self.learnt.splats().len();
-        let most = self.options.splats.min(TRIED).min(room);
-        if self.kept.iter().any(|kept| kept.shown.is_none()) || most < FEWEST {
+        if self.kept.iter().any(|kept| kept.shown.is_none()) {
             return Ok(None);
         }
         self.fresh = 0;
+        let removed = self.harmful()?;
+        let base = self.learnt.without(&removed);
+        let most = self.options.splats.min(TRIED).min(MAX_LEARNT - base.splats().len());
+        if !removed.is_empty() {
+            self.show_all(&base)?;
+        }
         let starts = self.starts(most);
         if starts.len() < FEWEST {
             return Ok(None);
         }
         let course = self.course(&starts);
-        self.trainer.set_first(self.scene.first_tried(self.learnt.splats().len()).unwrap_or(0));
+        self.trainer.set_first(self.scene.first_tried(base.splats().len()).unwrap_or(0));
         self.trainer.set(&course.state(&starts, &mut self.random))?;
         let training = |frame: &Arc<KeyFrame>| (frame.clone(), training_frame(frame));
         let frames = self.kept.iter().map(|kept| training(&kept.frame)).collect();
         self.held_out.clear();
-        Ok(Some(Draft { course, frames, count: starts.len(), step: 0, trained: None }))
+        let count = starts.len();
+        Ok(Some(Draft { base, removed, course, frames, count, step: 0, trained: None }))
+    }
+
+    /// Draws all key frames with another state than the scene's.
+    fn show_all(&mut self, learnt: &Learnt) -> Result<(), Error> {
+        self.scene.set_learnt(learnt, &[])?;
+        for index in 0..self.kept.len() {
+            let pose = self.kept[index].frame.pose;
+            self.kept[index].shown = Some(self.shown(&pose)?);
+        }
+        self.scene.set_learnt(&self.learnt, &[])
+            .map_err(Error::from)
+    }
+
+    /// The learnt splats beside which the newest key frames look more like the prior alone.
+    fn harmful(&mut self) -> Result<Vec<u16>, Error> {
+        if self.learnt.splats().is_empty() {
+            return Ok(Vec::new());
+        }
+        let splats = self.learnt.splats().to_vec();
+        let mut harms = Harms::new(&splats);
+        let none = Learnt::none(self.scene.id());
+        let newest: Vec<usize> = (0..self.kept.len()).rev().take(COMPARED).collect();
+        self.scene.set_learnt(&none, &[])?;
+        for index in newest {
+            let pose = self.kept[index].frame.pose;
+            let without = self.shown(&pose)?.render;
+            let kept = &self.kept[index];
+            if let Some(shown) = &kept.shown {
+                harms.add(&kept.frame, &shown.render, &without);
+            }
+        }
+        self.scene.set_learnt(&self.learnt, &[])?;
+        Ok(harms.harmful())
     }
 
     /// The splats that an episode starts from: the middle frame's first, then what others show beside.
@@ -274,6 +318,7 @@ impl Learner {
 
     /// Takes some steps; `None`: nothing is left of the draft.
     fn refine(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
+        self.scene.set_learnt(&draft.base, &[])?;
         for _ in 0..self.options.steps_per_frame {
             if draft.step >= draft.course.steps {
                 break;
@@ -284,6 +329,7 @@ impl Learner {
             self.trainer.step(&view, &draft.course.at(draft.step))?;
             draft.step += 1;
         }
+        self.scene.set_learnt(&self.learnt, &[])?;
         if draft.step < draft.course.steps {
             return Ok(Some(draft));
         }
@@ -302,7 +348,7 @@ impl Learner {
             before: self.learnt.state(),
             grid,
             splats: splats.iter().map(|splat| NewSplat::nearest(splat, &grid)).collect(),
-            removed: Vec::new(),
+            removed: draft.removed.clone(),
             fades: Vec::new(),
             frames: [numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0)],
         };
@@ -316,15 +362,17 @@ impl Learner {
         Ok(Some(draft))
     }
 
-    /// Judges a draft by one frame that it was not learnt from. Returns its bytes if it pays.
+    /// Judges a draft by the frames that it was not learnt from. Returns its bytes if it pays.
     fn judge(&mut self, mut draft: Draft, rate: Option<Rate>) -> Result<Option<Vec<u8>>, Error> {
-        let (Some(trained), Some(held)) = (&mut draft.trained, self.held_out.pop()) else {
+        let Some(mut trained) = draft.trained.take() else {
             self.draft = Some(draft);
             return Ok(None);
         };
-        let saved = self.saved(&trained.splats, &held, rate)?;
-        trained.saved.push(saved);
+        while let Some(held) = self.held_out.pop() {
+            trained.saved.push(self.saved(&draft.base, &trained.splats, &held, rate)?);
+        }
         if trained.saved.len() < self.options.judged {
+            draft.trained = Some(trained);
             self.draft = Some(draft);
             return Ok(None);
         }
@@ -337,18 +385,19 @@ impl Learner {
         self.kept.iter_mut().for_each(|kept| kept.shown = None);
         self.stats.updates += 1;
         self.stats.update_bytes += trained.bytes.len();
-        Ok(Some(std::mem::take(&mut trained.bytes)))
+        Ok(Some(trained.bytes))
     }
 
     /// Bytes that some splats save on a frame.
     fn saved(
         &mut self,
+        base: &Learnt,
         splats: &[LearntSplat],
         held: &HeldOut,
         rate: Option<Rate>,
     ) -> Result<f64, Error> {
         let mut with = Picture::new(self.camera.width, self.camera.height);
-        self.scene.set_learnt(&self.learnt, splats)?;
+        self.scene.set_learnt(base, splats)?;
         let drawn = self.renderer.picture(&held.frame.pose, &mut with);
         self.scene.set_learnt(&self.learnt, &[])?;
         drawn?;

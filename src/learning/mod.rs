@@ -18,6 +18,7 @@
 
 mod blur;
 mod cells;
+mod harm;
 mod held_out;
 mod judge;
 mod key_frame;

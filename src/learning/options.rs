@@ -7,8 +7,10 @@ pub struct LearnOptions {
     pub steps_per_frame: u32,
     /// Steps of an episode.
     pub steps: u32,
-    /// Frames that an episode learns from.
+    /// Frames that an episode learns from, at most.
     pub frames: usize,
+    /// At least.
+    pub fewest_frames: usize,
     /// How far points at the picture's median depth must have moved between two of them, pixels.
     pub parallax: f64,
     /// Most splats of an update, at most 256.
@@ -22,13 +24,14 @@ pub struct LearnOptions {
 impl Default for LearnOptions {
     fn default() -> LearnOptions {
         LearnOptions {
-            steps_per_frame: 8,
+            steps_per_frame: 20,
             steps: 40,
             frames: 8,
+            fewest_frames: 6,
             parallax: 4.0,
             splats: 120,
             horizon: 60,
-            judged: 3,
+            judged: 2,
         }
     }
 }

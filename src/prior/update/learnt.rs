@@ -73,6 +73,15 @@ impl Learnt {
         }
     }
 
+    /// The same without some learnt splats, by their places, in rising order: what an update that takes them back will
+    /// make of it.
+    pub(crate) fn without(&self, removed: &[u16]) -> Learnt {
+        let kept = |(place, splat): (u16, &LearntSplat)| {
+            removed.binary_search(&place).is_err().then_some(*splat)
+        };
+        Learnt { splats: (0..).zip(&self.splats).filter_map(kept).collect(), ..self.clone() }
+    }
+
     /// The prior that the chain begins with.
     pub fn prior(&self) -> PriorId {
         self.prior
