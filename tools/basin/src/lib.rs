@@ -279,14 +279,14 @@ mod tests {
     #[test]
     fn the_chain_and_the_gap_of_the_brace_show_in_t4_and_t5() {
         for run in [Run::T4, Run::T5] {
-            let dive = Dive { rate: 0.1, ..Dive::of(run) };
+            let dive = Dive { rate: 0.4, ..Dive::of(run) };
             let mut unchained = dive.scene();
             let chain = |group: &Group| group.solids[0].material == Material::Chain;
             unchained.groups.retain(|group| !chain(group));
             let brace = basin::pipes().nth(basin::BRACE).unwrap();
             let braced = dive.scene().with(vec![brace]);
             let [mut of_chain, mut of_brace] = [0, 0];
-            for (i, frame) in dive_by(CAMERA, dive, 3, STILL).enumerate() {
+            for (i, frame) in dive_by(CAMERA, dive, 2, STILL).enumerate() {
                 let other = |scene| {
                     let tag = dive.tag();
                     let other = draw(scene, &CAMERA, &STILL, frame.pose, i, frame.time, tag);

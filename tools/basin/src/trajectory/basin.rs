@@ -69,14 +69,14 @@ impl Track {
         clearance: 2.65,
         lowest: 1.2,
     };
-    /// The same way back, half a metre higher.
+    /// From the middle of the side x > 0 the other way, half a metre higher, around the corner to the side y < 0.
     pub const T5: Track =
-        Track { begin: 9.2, phase: 3.3, clearance: 2.75, lowest: 1.0, ..Track::T4 };
+        Track { from: -5.6, begin: 9.0, phase: 3.3, clearance: 2.75, lowest: 1.0, ..Track::T4 };
 
     /// The track of a dive after `earlier` others of its run.
     pub fn after(self, earlier: u32) -> Track {
         let earlier = f64::from(earlier);
-        Track { begin: self.begin + 1.1 * earlier, phase: self.phase + 0.8 * earlier, ..self }
+        Track { begin: self.begin + 0.4 * earlier, phase: self.phase + 0.8 * earlier, ..self }
     }
 }
 

@@ -39,7 +39,7 @@ pub fn mapping_poses() -> Vec<Pose> {
 /// the wall, with the slow sway of a hovering vehicle.
 pub fn inspection_pose(earlier: u32, time: f64) -> Pose {
     let earlier = f64::from(earlier);
-    let (along, up) = lawnmower(1.2 + 1.1 * earlier + SPEED * time, 6.0, 0.7, 3);
+    let (along, up) = lawnmower(1.2 + 0.4 * earlier + SPEED * time, 6.0, 0.7, 3);
     let sway = |period: f64, offset: f64| (TAU * time / period + offset + 0.8 * earlier).sin();
     let distance = 2.45 + 0.07 * sway(13.0, 0.7);
     let height = 1.25 + up + 0.05 * sway(9.0, 1.9);

@@ -56,15 +56,15 @@ fn run_named(name: &str) -> Result<Run, String> {
 impl SceneArgs {
     /// The site that is named, or the one of the run that is.
     pub fn site(&self) -> Result<Site, WrongUsage> {
-        let named = self.site.map(Site::from);
-        let of_run = self.run.map(Run::site);
-        if let (Some(named), Some(of_run), Some(run)) = (named, of_run, self.run) {
-            if named != of_run {
+        match (self.site.map(Site::from), self.run) {
+            (Some(site), Some(run)) if run.site() != site => {
                 let run = run.name();
-                return Err(WrongUsage(format!("--run {run}: it is not a run of that --site")));
+                Err(WrongUsage(format!("--run {run}: it is not a run of that --site")))
             }
+            (Some(site), _) => Ok(site),
+            (None, Some(run)) => Ok(run.site()),
+            (None, None) => Ok(Site::Basin),
         }
-        Ok(named.or(of_run).unwrap_or(Site::Basin))
     }
 
     /// The dives to draw: of the run that is named, or of those that the demo shows of a site.
