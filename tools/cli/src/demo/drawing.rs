@@ -17,7 +17,8 @@ pub struct SceneArgs {
     #[arg(long, value_name = "RUN", value_parser = run_named)]
     run: Option<Run>,
     /// Weeks since the mapping run, 0 to 520, instead of T4's 4 or T5's 26
-    #[arg(long, value_name = "WEEKS", value_parser = values::weeks, requires = "run")]
+    #[arg(long, value_name = "WEEKS", value_parser = values::weeks, requires = "run",
+        allow_hyphen_values = true)]
     age: Option<f32>,
     /// Which of five dives: each has a track of its own, and the water's light at another moment
     #[arg(long, value_name = "K", default_value_t = 1,
@@ -25,7 +26,7 @@ pub struct SceneArgs {
     dive: u8,
     /// Frames per second of the inspection runs
     #[arg(long, value_name = "FPS", default_value_t = nvsprior_basin::FRAME_RATE,
-        value_parser = values::frame_rate)]
+        value_parser = values::frame_rate, allow_hyphen_values = true)]
     rate: f64,
 }
 
