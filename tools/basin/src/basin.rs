@@ -16,16 +16,29 @@ pub const STRUCTURE_HEIGHT: f32 = 3.0;
 /// Lower and upper corner of the water body.
 pub const BASIN: (Vec3, Vec3) = (Vec3::new(-6.2, -6.6, 0.0), Vec3::new(6.2, 6.6, 5.6));
 
-const BARREL_RADIUS: f32 = 0.29;
+pub const BARREL_RADIUS: f32 = 0.29;
 const BARREL_HEIGHT: f32 = 0.92;
 const SLAB_HEIGHT: f32 = 0.12;
-const PIPE_RADIUS: f32 = 0.055;
+pub const PIPE_RADIUS: f32 = 0.055;
+/// Of [`pipes`], the level one at half height and the brace between [`BRACED_PILES`].
+pub const LEVEL_PIPE: usize = 13;
+pub const BRACE: usize = 24;
+/// Feet of the middle and the last pile of the side x > 0.
+pub const BRACED_PILES: [Vec3; 2] = {
+    let [x, y] = HALF_PLAN;
+    [Vec3::new(x - BARREL_RADIUS, 0.0, 0.0), Vec3::new(x - BARREL_RADIUS, y - BARREL_RADIUS, 0.0)]
+};
 
 /// The scene of the mapping run and of T1.
 pub fn mapped() -> Scene {
+    of_pipes(pipes())
+}
+
+/// The scene as mapped, but for the pipes.
+pub fn of_pipes(pipes: impl IntoIterator<Item = Solid>) -> Scene {
     let mut groups: Vec<Group> = pile_feet().enumerate().map(pile).collect();
-    groups.extend(pipes().map(|pipe| Group::new(vec![pipe])));
-    Scene { groups, enclosure: pool(), water: Water::BASIN }
+    groups.extend(pipes.into_iter().map(|pipe| Group::new(vec![pipe])));
+    Scene { groups, enclosure: pool(), water: Water::BASIN, weeks: 0.0 }
 }
 
 /// The scene of T2: a metallic object of 1.0 × 0.25 × 0.25 m stands beside the structure.
@@ -85,7 +98,7 @@ fn pile((index, foot): (usize, Vec3)) -> Group {
 }
 
 /// Level pipes between neighbouring piles at three heights, and braces across the long sides.
-fn pipes() -> impl Iterator<Item = Solid> {
+pub fn pipes() -> impl Iterator<Item = Solid> {
     let feet: Vec<Vec3> = pile_feet().collect();
     let across = [(0, 1), (2, 3), (4, 5)];
     let along = [(0, 2), (2, 4), (1, 3), (3, 5)];
@@ -102,6 +115,16 @@ fn pipes() -> impl Iterator<Item = Solid> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_pipes_that_change_are_where_they_are_said_to_be() {
+        let pipes: Vec<Solid> = pipes().collect();
+        let [a, b] = BRACED_PILES;
+        for (pipe, height) in [(LEVEL_PIPE, 1.5), (BRACE, 1.4)] {
+            let middle = (a + b) / 2.0 + Vec3::Z * height;
+            assert!((pipes[pipe].centre - middle).length() < 1e-5, "{}", pipes[pipe].centre);
+        }
+    }
 
     #[test]
     fn the_structure_has_the_size_it_claims() {

@@ -5,11 +5,15 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+mod ageing;
 mod basin;
+mod chain;
 mod export;
+mod growth;
 mod material;
 mod noise;
 mod quay;
+mod run;
 mod safety_line;
 mod scene;
 mod sensor;
@@ -21,11 +25,12 @@ mod water;
 use nvsprior::{Camera, Picture, Pose};
 
 pub use export::write_run;
+pub use run::{Dive, Run};
+pub use trajectory::FRAME_RATE;
 
 use nvsprior::random::Random;
 use scene::Scene;
 use sensor::Disturbance;
-use trajectory::FRAME_RATE;
 use water::Light;
 
 /// The camera of all runs: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
@@ -65,64 +70,6 @@ impl Site {
         match self {
             Site::Basin => trajectory::basin::mapping_poses(),
             Site::Quay => trajectory::quay::mapping_poses(),
-        }
-    }
-}
-
-/// The inspection runs, some time after the mapping run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Run {
-    /// The basin as mapped.
-    T1,
-    /// With a new metallic object beside the structure and the vehicle's safety line in view.
-    T2,
-    /// The quay on another day: other light, more silt, and after some frames a crab pot with its buoy.
-    T3,
-}
-
-impl Run {
-    pub const ALL: [Run; 3] = [Run::T1, Run::T2, Run::T3];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Run::T1 => "T1",
-            Run::T2 => "T2",
-            Run::T3 => "T3",
-        }
-    }
-
-    pub fn site(self) -> Site {
-        match self {
-            Run::T1 | Run::T2 => Site::Basin,
-            Run::T3 => Site::Quay,
-        }
-    }
-
-    /// What stands there, without the safety line.
-    fn scene(self) -> Scene {
-        match self {
-            Run::T1 => basin::mapped(),
-            Run::T2 => basin::with_new_object(),
-            Run::T3 => quay::later(),
-        }
-    }
-
-    /// Tells the runs' noise apart.
-    fn tag(self) -> u32 {
-        match self {
-            Run::T1 => 1,
-            Run::T2 => 2,
-            Run::T3 => 5,
-        }
-    }
-
-    /// Where the camera is, `time` seconds into the run.
-    fn pose(self, time: f64) -> Pose {
-        use trajectory::basin::{Track, inspection_pose};
-        match self {
-            Run::T1 => inspection_pose(&Track::T1, time),
-            Run::T2 => inspection_pose(&Track::T2, time),
-            Run::T3 => trajectory::quay::inspection_pose(time),
         }
     }
 }
@@ -184,14 +131,24 @@ pub fn inspection_run_by(
     frames: usize,
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> {
-    let scene = run.scene();
+    dive_by(camera, Dive::of(run), frames, conditions)
+}
+
+/// The first `frames` frames of a dive, each drawn when asked for.
+pub fn dive_by(
+    camera: Camera,
+    dive: Dive,
+    frames: usize,
+    conditions: Conditions,
+) -> impl ExactSizeIterator<Item = DemoFrame> {
+    let scene = dive.scene();
     (0..frames).map(move |index| {
-        let time = index as f64 / FRAME_RATE;
-        let pose = run.pose(time);
-        let draw = |scene: &Scene| draw(scene, &camera, &conditions, pose, index, time, run.tag());
-        match run {
+        let time = index as f64 / dive.rate;
+        let pose = dive.pose(time);
+        let draw = |scene: &Scene| draw(scene, &camera, &conditions, pose, index, time, dive.tag());
+        match dive.run {
             Run::T2 => draw(&scene.clone().with(safety_line::solids(&pose, time))),
-            Run::T1 | Run::T3 => draw(&scene),
+            Run::T1 | Run::T3 | Run::T4 | Run::T5 => draw(&scene),
         }
     })
 }
@@ -234,6 +191,7 @@ fn draw(
 
 #[cfg(test)]
 mod tests {
+    use super::solid::{Group, Material};
     use super::*;
 
     /// Nothing but the scene and the water.
@@ -286,15 +244,85 @@ mod tests {
     fn the_crab_pot_shows_in_later_frames_of_t3_only() {
         let mut scene = quay::mapped();
         scene.water = quay::later().water;
+        let tag = Dive::of(Run::T3).tag();
         let changed: Vec<usize> = inspection_run(Run::T3, 12, STILL)
             .enumerate()
             .map(|(i, frame)| {
-                let empty = draw(&scene, &CAMERA, &STILL, frame.pose, i, frame.time, Run::T3.tag());
+                let empty = draw(&scene, &CAMERA, &STILL, frame.pose, i, frame.time, tag);
                 changed(&frame.picture, &empty.picture)
             })
             .collect();
         assert_eq!(changed[..3], [0; 3]);
         assert!(changed[8..].iter().all(|changed| (500..15_000).contains(changed)), "{changed:?}");
+    }
+
+    #[test]
+    fn the_basin_changes_more_with_every_age() {
+        let changed_after = |weeks: f32| {
+            let dive = Dive { weeks, rate: 0.1, ..Dive::of(Run::T4) };
+            let frames = dive_by(CAMERA, dive, 2, STILL);
+            let shares = frames.enumerate().map(|(i, frame)| {
+                let tag = dive.tag();
+                let mapped =
+                    draw(&basin::mapped(), &CAMERA, &STILL, frame.pose, i, frame.time, tag);
+                changed(&frame.picture, &mapped.picture)
+            });
+            shares.sum::<usize>() as f64 / (2 * CAMERA.pixels()) as f64
+        };
+        assert_eq!(changed_after(0.0), 0.0);
+        let [week_4, week_12, week_26] = [4.0, 12.0, 26.0].map(changed_after);
+        assert!((0.10..0.25).contains(&week_4), "{week_4}");
+        assert!(week_12 > 1.5 * week_4, "{week_12}");
+        assert!(week_26 > 1.1 * week_12 && (0.4..0.6).contains(&week_26), "{week_26}");
+    }
+
+    #[test]
+    fn the_chain_and_the_gap_of_the_brace_show_in_t4_and_t5() {
+        for run in [Run::T4, Run::T5] {
+            let dive = Dive { rate: 0.4, ..Dive::of(run) };
+            let mut unchained = dive.scene();
+            let chain = |group: &Group| group.solids[0].material == Material::Chain;
+            unchained.groups.retain(|group| !chain(group));
+            let brace = basin::pipes().nth(basin::BRACE).unwrap();
+            let braced = dive.scene().with(vec![brace]);
+            let [mut of_chain, mut of_brace] = [0, 0];
+            for (i, frame) in dive_by(CAMERA, dive, 2, STILL).enumerate() {
+                let other = |scene| {
+                    let tag = dive.tag();
+                    let other = draw(scene, &CAMERA, &STILL, frame.pose, i, frame.time, tag);
+                    changed(&frame.picture, &other.picture)
+                };
+                of_chain += other(&unchained);
+                of_brace += other(&braced);
+            }
+            assert!(of_chain > 500 && of_brace > 500, "{run:?}: {of_chain}, {of_brace} pixels");
+        }
+    }
+
+    #[test]
+    fn at_a_higher_rate_more_frames_show_the_same_dive() {
+        let frame = |rate: f64, index| {
+            let dive = Dive { rate, ..Dive::of(Run::T5) };
+            dive_by(CAMERA, dive, index + 1, STILL).nth(index).unwrap()
+        };
+        let (at_3, at_15) = (frame(3.0, 1), frame(15.0, 5));
+        assert_eq!((at_3.time, at_3.pose), (at_15.time, at_15.pose));
+        assert_eq!(at_3.picture, at_15.picture);
+    }
+
+    #[test]
+    fn each_dive_has_its_own_track_light_and_noise() {
+        for run in Run::ALL {
+            let dives = [1, 2, 5].map(|number| Dive { number, ..Dive::of(run) });
+            let [a, b, c] =
+                dives.map(|dive| dive_by(CAMERA, dive, 1, Conditions::CALM).next().unwrap());
+            assert!(a.pose != b.pose && b.pose != c.pose, "{run:?}");
+            let again = |tag| {
+                let scene = dives[0].scene();
+                draw(&scene, &CAMERA, &Conditions::CALM, a.pose, 0, a.time, tag).picture
+            };
+            assert_ne!(again(dives[0].tag()), again(dives[1].tag()), "{run:?}");
+        }
     }
 
     /// Pixels that differ by more than noise.

@@ -1,11 +1,12 @@
 //! The paint of the surfaces: albedo at several scales, which never repeats.
 
 mod basin;
+mod growth;
 mod quay;
 
 use glam::{IVec2, Vec2, Vec3};
 
-use super::noise::fractal;
+use super::noise::{fractal, hash_cell, unit};
 use super::solid::{Material, Solid};
 
 /// A point of a surface, in the paint's coordinates.
@@ -16,10 +17,17 @@ pub struct Spot<'a> {
     pub normal: Vec3,
     /// Width of a picture sample on the surface, metres. Finer detail is left out.
     pub footprint: f32,
+    /// For how many weeks things have grown on it.
+    pub weeks: f32,
 }
 
 /// Albedo in linear RGB.
 pub fn albedo(spot: &Spot) -> Vec3 {
+    growth::grown(spot, bare(spot))
+}
+
+/// Albedo of the surface itself.
+fn bare(spot: &Spot) -> Vec3 {
     match spot.solid.material {
         Material::Floor => basin::floor(spot),
         Material::Wall => basin::wall(spot),
@@ -38,6 +46,7 @@ pub fn albedo(spot: &Spot) -> Vec3 {
         Material::Zinc => quay::zinc(spot),
         Material::Pot => quay::pot(spot),
         Material::Buoy => quay::buoy(spot),
+        Material::Growth => growth::bump(spot),
         Material::SafetyLine => Vec3::new(0.85, 0.65, 0.05),
     }
 }
@@ -46,6 +55,26 @@ pub fn albedo(spot: &Spot) -> Vec3 {
 fn grime(spot: &Spot, wavelength: f32) -> f32 {
     let octaves = 4;
     fractal(spot.position, wavelength, octaves, spot.footprint, spot.solid.seed.wrapping_mul(31))
+}
+
+/// How much of a sample lies in round specks: one at most in each cell of a grid in space, none of which leaves it.
+/// `share`: of the cells that have one. Also gives a number of the speck.
+fn specks(spot: &Spot, pitch: f32, share: f32, seed: u32) -> (f32, u32) {
+    let cell = (spot.position / pitch).floor();
+    let id = hash_cell(cell.as_ivec3(), seed);
+    if unit(id) > share {
+        return (0.0, id);
+    }
+    let draw = |k: u32| unit(hash_cell(cell.as_ivec3(), seed.wrapping_add(k)));
+    let radius = pitch * (0.14 + 0.2 * draw(1));
+    let place = Vec3::new(draw(2), draw(3), draw(4)) * (pitch - 2.0 * radius) + radius;
+    let away = (spot.position - cell * pitch - place).length();
+    (band(away, radius, spot.footprint), id)
+}
+
+/// A ramp from 0 at `from` to 1 at `to`.
+fn ramp(value: f32, from: f32, to: f32) -> f32 {
+    ((value - from) / (to - from)).clamp(0.0, 1.0)
 }
 
 /// How much of a sample of width `footprint` about `x` lies in `|x| < half_width`.
@@ -68,9 +97,8 @@ fn joints(offset: Vec2, pitch: Vec2, joint: f32, footprint: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Run;
-    use super::super::noise::{hash, unit};
-    use super::super::scene::Scene;
+    use super::super::noise::hash;
+    use super::super::{Dive, Run};
     use super::*;
 
     #[test]
@@ -82,14 +110,16 @@ mod tests {
 
     #[test]
     fn albedo_stays_physical() {
-        let scenes = Run::ALL.map(Run::scene);
-        for solid in scenes.iter().flat_map(Scene::solids) {
+        let scenes = Run::ALL.map(|run| Dive::of(run).scene());
+        let solids =
+            scenes.iter().flat_map(|scene| scene.solids().map(|solid| (solid, scene.weeks)));
+        for (solid, weeks) in solids {
             for i in 0..500 {
                 let draw = |k: u32| unit(hash(i * 4 + k)) - 0.5;
                 let (low, high) = solid.bounds();
                 let offset = Vec3::new(draw(0), draw(1), draw(2)) * (high - low);
                 let position = solid.centre + offset;
-                let spot = Spot { solid, position, normal: Vec3::X, footprint: 0.01 };
+                let spot = Spot { solid, position, normal: Vec3::X, footprint: 0.01, weeks };
                 let a = albedo(&spot);
                 assert!(a.min_element() >= 0.0 && a.max_element() <= 1.0, "{a} at {position}");
             }

@@ -5,6 +5,7 @@
 
 use glam::{EulerRot, Mat3, Vec3};
 
+use super::chain::links;
 use super::noise::Stream;
 use super::scene::Scene;
 use super::solid::{Group, Material, Shape, Solid};
@@ -28,7 +29,7 @@ pub fn mapped() -> Scene {
     groups.extend([(-2.55, 0), (2.05, 1)].map(|(y, i)| dolphin(y, i)));
     groups.push(chain(Vec3::new(0.02, -0.4, 4.3), Vec3::new(0.75, 1.55, 0.05)));
     groups.extend(stones());
-    Scene { groups, enclosure: harbour(), water: Water::HARBOUR }
+    Scene { groups, enclosure: harbour(), water: Water::HARBOUR, weeks: 0.0 }
 }
 
 /// The scene of T3, another day: someone has lost a crab pot, whose buoy stands above it.
@@ -155,14 +156,6 @@ fn dolphin(y: f32, index: u32) -> Group {
 fn chain(from: Vec3, to: Vec3) -> Group {
     let sag = |s: f32| Vec3::new(0.3, 0.0, -1.1) * (4.0 * s * (1.0 - s));
     Group::new(links(|s| (from.lerp(to, s) + sag(s)).max(Vec3::new(0.04, f32::MIN, 0.04)), 44))
-}
-
-/// Links along a curve: thick and thin by turns, as they show their broad and narrow side.
-fn links(curve: impl Fn(f32) -> Vec3, count: u32) -> Vec<Solid> {
-    let at = |i: u32| curve(i as f32 / count as f32);
-    let radius = |i: u32| if i.is_multiple_of(2) { 0.036 } else { 0.016 };
-    let link = |i| Solid::cylinder(at(i), at(i + 1), radius(i), Material::Chain, i);
-    (0..count).map(link).collect()
 }
 
 /// Stones that protect the wall's foot, and some that lie further out.

@@ -13,6 +13,8 @@ pub struct Scene {
     /// Floor, water surface and walls. They cast no shadows.
     pub enclosure: Group,
     pub water: Water,
+    /// Weeks in which the basin's surfaces have grown over. 0: as mapped.
+    pub weeks: f32,
 }
 
 /// Where a ray ends.

@@ -51,6 +51,8 @@ pub enum Material {
     /// Bars and line of the crab pot, which only T3 has.
     Pot,
     Buoy,
+    /// A bump of what has grown: barnacle, mussel or tuft.
+    Growth,
 }
 
 /// A shape about the origin of its own axes, in metres.

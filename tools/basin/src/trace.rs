@@ -59,7 +59,8 @@ fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) 
     // Samples are half a pixel apart. A slanting surface stretches them, up to a limit.
     let slant = hit.normal.dot(ray.direction).abs().max(0.3);
     let footprint = 0.5 * hit.t / (eye.camera.fx * slant);
-    let spot = Spot { solid: hit.solid, position: hit.position, normal: hit.normal, footprint };
+    let (position, normal, weeks) = (hit.position, hit.normal, scene.weeks);
+    let spot = Spot { solid: hit.solid, position, normal, footprint, weeks };
     let reflected = albedo(&spot) * light.on(scene, hit.position, hit.normal, lamp);
     scene.water.through(reflected, hit.t)
 }

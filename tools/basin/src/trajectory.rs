@@ -34,15 +34,23 @@ fn looking(centre: DVec3, yaw: f64, pitch: f64) -> Pose {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Run, Site};
+    use super::super::{Dive, Run, Site};
     use super::*;
+
+    /// The five dives of each run.
+    fn dives() -> impl Iterator<Item = Dive> {
+        let of = |run| (1..=5).map(move |number| Dive { number, ..Dive::of(run) });
+        Run::ALL.into_iter().flat_map(of)
+    }
 
     #[test]
     fn cameras_keep_clear_of_solids_and_face_them() {
         let times = || (0..600).map(|i| f64::from(i) / FRAME_RATE);
         let mapped = Site::ALL.map(|site| (site, site.mapped(), site.mapping_poses()));
-        let inspected = Run::ALL
-            .map(|run| (run.site(), run.scene(), times().map(|time| run.pose(time)).collect()));
+        let inspected = dives().map(|dive| {
+            let poses = times().map(|time| dive.pose(time)).collect();
+            (dive.run.site(), dive.scene(), poses)
+        });
         for (site, scene, poses) in mapped.into_iter().chain(inspected) {
             for pose in poses {
                 let centre = pose.centre();
@@ -59,12 +67,12 @@ mod tests {
 
     #[test]
     fn the_vehicle_moves_slowly_and_without_jumps() {
-        for run in Run::ALL {
+        for dive in dives() {
             for i in 0..900 {
                 let time = f64::from(i) / FRAME_RATE;
-                let (a, b) = (run.pose(time), run.pose(time + 1.0 / FRAME_RATE));
+                let (a, b) = (dive.pose(time), dive.pose(time + 1.0 / FRAME_RATE));
                 let moved = (a.centre() - b.centre()).length();
-                assert!(moved < 0.18 && a.angle_to(&b) < 0.06, "{run:?} at {time}: {moved}");
+                assert!(moved < 0.18 && a.angle_to(&b) < 0.06, "{dive:?} at {time}: {moved}");
             }
         }
     }

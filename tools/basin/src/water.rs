@@ -1,9 +1,10 @@
 //! What the water does to light: attenuation and backscatter that differ by wavelength, and the
 //! light that comes down through the surface.
 
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 
 use super::basin::BASIN;
+use super::growth::progress;
 use super::noise::value_noise;
 use super::quay;
 use super::scene::Scene;
@@ -28,7 +29,7 @@ pub struct Water {
     /// Directions towards the direct light (before normalisation).
     pub lamps: [Vec3; LAMP_COUNT],
     /// All light, beside that of the basin's lamps.
-    pub light: f32,
+    pub light: Vec3,
 }
 
 impl Water {
@@ -45,8 +46,24 @@ impl Water {
             Vec3::new(-0.05, 0.30, 1.0),
             Vec3::new(0.08, -0.02, 1.0),
         ],
-        light: 1.0,
+        light: Vec3::ONE,
     };
+
+    /// The basin weeks later: a little more turbid and greener, the hall's light dimmer and from elsewhere.
+    pub fn basin_after(weeks: f32) -> Water {
+        let clear = Water::BASIN;
+        let far = progress(weeks);
+        let turn = Quat::from_rotation_z(0.08 * weeks);
+        let lower = Vec3::new(1.0 + 0.5 * far, 1.0 + 0.5 * far, 1.0);
+        Water {
+            attenuation: clear.attenuation * (1.0 + 0.14 * far),
+            backscatter: clear.backscatter * (1.0 + 0.25 * far),
+            veil: clear.veil * Vec3::ONE.lerp(Vec3::new(1.15, 1.10, 0.90), far),
+            lamps: clear.lamps.map(|lamp| turn * (lamp * lower)),
+            light: Vec3::ONE.lerp(Vec3::new(0.86, 0.95, 0.90), far),
+            ..clear
+        }
+    }
 
     /// Green harbour water. The sun stands over the water; waves spread its light.
     pub const HARBOUR: Water = Water {
@@ -61,7 +78,7 @@ impl Water {
             Vec3::new(0.78, 0.22, 1.0),
             Vec3::new(0.62, 0.34, 1.0),
         ],
-        light: 1.5,
+        light: Vec3::splat(1.5),
     };
 
     /// The same harbour on another day: more silt, and the sun further along.
@@ -74,7 +91,7 @@ impl Water {
             Vec3::new(0.81, 0.08, 1.0),
             Vec3::new(0.65, 0.20, 1.0),
         ],
-        light: 1.4,
+        light: Vec3::splat(1.4),
         ..Water::HARBOUR
     };
 
@@ -136,7 +153,8 @@ mod tests {
     #[test]
     fn water_keeps_the_near_and_veils_the_far() {
         let red = Vec3::new(0.8, 0.1, 0.1);
-        for water in [Water::BASIN, Water::HARBOUR, Water::HARBOUR_LATER] {
+        for water in [Water::BASIN, Water::basin_after(26.0), Water::HARBOUR, Water::HARBOUR_LATER]
+        {
             assert_eq!(water.through(red, 0.0), red);
             assert!((water.through(red, 1e3) - water.veil).abs().max_element() < 1e-6);
             assert!(water.through(red, 3.0).x < 0.6 * red.x);

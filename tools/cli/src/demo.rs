@@ -1,5 +1,6 @@
 //! `nvsprior demo`: the whole job on the embedded scene.
 
+mod drawing;
 mod table;
 
 use std::num::NonZeroUsize;
@@ -16,7 +17,8 @@ use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
 
 use crate::sheet::{self, SheetRow};
-use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run, Site};
+use drawing::{SceneArgs, draw_dive, draw_mapping_run};
+use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Dive, Site};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::{frame_file, values};
 use table::{Table, TableRow};
@@ -25,14 +27,14 @@ use table::{Table, TableRow};
 ///
 /// Draws a basin with a yellow structure, seen through water. Its prior was trained from the mapping
 /// run M1 by `nvsprior map`, and comes with the program. Encodes two inspection runs (T1: the scene as mapped; T2: with
-/// a new object and a safety line). Decodes their packets in another process, compares, and prints a table like the
-/// paper's.
+/// a new object and a safety line), or the run that `--run` names. Decodes their packets in another process, compares,
+/// and prints a table like the paper's.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder for runs, prior, packets, pictures and the table
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     out: PathBuf,
-    /// Frames of each inspection run, three per second
+    /// Frames of each inspection run
     #[arg(long, value_name = "N", default_value = "5")]
     frames: NonZeroUsize,
     /// Quality of the difference pictures, 0 to 100
@@ -42,32 +44,16 @@ pub struct Args {
     /// cameras (`nvsprior bench --lost`)
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = values::count)]
     views: usize,
-    /// Which scene. The quay has no prior yet: its inspection run T3 is drawn, and not encoded
-    #[arg(long, value_enum, value_name = "SITE", default_value = "basin")]
-    site: SiteArg,
+    #[command(flatten)]
+    scene: SceneArgs,
     /// Only draws the site's mapping run, M1 or M2, that a prior is trained from
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["run", "draw_only"])]
     mapping_run: bool,
+    /// Only draws: writes each run's frames and camera file, and opens no device
+    #[arg(long)]
+    draw_only: bool,
     #[command(flatten)]
     device: DeviceArgs,
-}
-
-/// Name of a site.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum SiteArg {
-    /// A structure of oil barrels in an indoor basin
-    Basin,
-    /// A harbour's wall of sheet piles, in green water
-    Quay,
-}
-
-impl From<SiteArg> for Site {
-    fn from(site: SiteArg) -> Site {
-        match site {
-            SiteArg::Basin => Site::Basin,
-            SiteArg::Quay => Site::Quay,
-        }
-    }
 }
 
 /// A frame starts from the one before if the mean squared error there is below this.
@@ -77,55 +63,53 @@ const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::make_folder("--out", &args.out)?;
-    let site = args.site.into();
+    let site = args.scene.site()?;
     if args.mapping_run {
         return draw_mapping_run(&args.out, site);
     }
-    match site {
-        Site::Basin => encode_basin(args),
-        Site::Quay => {
-            draw_run(&args.out, Run::T3, args.frames.get())?;
-            println!("the inspection run is in {}", args.out.join(Run::T3.name()).display());
-            Ok(())
-        }
+    let dives = args.scene.dives()?;
+    if site == Site::Basin && !args.draw_only {
+        return encode_basin(args, &dives);
     }
+    for dive in &dives {
+        draw_dive(&args.out, dive, args.frames.get(), |_| ())?;
+        println!("the inspection run is in {}", args.out.join(dive.run.name()).display());
+    }
+    draw_views(args)
 }
 
 /// The whole job, on the site whose prior comes with the program.
-fn encode_basin(args: &Args) -> anyhow::Result<()> {
+fn encode_basin(args: &Args, dives: &[Dive]) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let prior_file = args.out.join("prior.ply");
     let prior = write_prior(&prior_file)?;
     let scene = engine.upload(&prior)?;
     let mut tables = String::new();
-    for run in [Run::T1, Run::T2] {
-        let frames = draw_run(&args.out, run, args.frames.get())?;
-        let dive =
-            Dive { args, name: run.name(), engine: &engine, scene: &scene, prior: &prior_file };
-        let table = dive.table(&frames)?;
+    for dive in dives {
+        let mut frames = Vec::new();
+        draw_dive(&args.out, dive, args.frames.get(), |frame| frames.push(frame.clone()))?;
+        let name = dive.run.name();
+        let job = Job { args, name, engine: &engine, scene: &scene, prior: &prior_file };
+        let table = job.table(&frames)?;
         println!("\n{table}");
         tables += &format!("{table}\n");
     }
-    if args.views > 0 {
-        let bar = progress(args.views, "drawing random views");
-        let views = nvsprior_basin::random_views(args.views, Conditions::CALM);
-        nvsprior_basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
-    }
+    draw_views(args)?;
     let path = args.out.join("table.txt");
     std::fs::write(&path, tables).with_context(|| format!("writing {}", path.display()))?;
     println!("\nprior, runs, packets, pictures and contact sheets are in {}", args.out.display());
     args.device.check(&engine)
 }
 
-/// Draws a mapping run into a folder of its name.
-fn draw_mapping_run(out: &Path, site: Site) -> anyhow::Result<()> {
-    let name = site.mapping_run_name();
-    let folder = out.join(name);
-    let run = nvsprior_basin::mapping_run(site, Conditions::CALM);
-    let bar = progress(run.len(), "drawing the mapping run");
-    nvsprior_basin::write_run(&folder, name, run, |_| bar.inc(1))?;
+/// Draws the views from random places, if any are asked for.
+fn draw_views(args: &Args) -> anyhow::Result<()> {
+    if args.views == 0 {
+        return Ok(());
+    }
+    let bar = progress(args.views, "drawing random views");
+    let views = nvsprior_basin::random_views(args.views, Conditions::CALM);
+    nvsprior_basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
     bar.finish_and_clear();
-    println!("the mapping run is in {}", folder.display());
     Ok(())
 }
 
@@ -147,20 +131,8 @@ fn write_prior(path: &Path) -> anyhow::Result<Prior> {
     Ok(prior)
 }
 
-/// Draws an inspection run into a folder of its name, with its camera file, as `nvsprior encode` reads it.
-fn draw_run(out: &Path, run: Run, count: usize) -> anyhow::Result<Vec<DemoFrame>> {
-    let bar = progress(count, "drawing an inspection run");
-    let mut frames = Vec::new();
-    let drawn = nvsprior_basin::inspection_run(run, count, Conditions::CALM);
-    nvsprior_basin::write_run(&out.join(run.name()), run.name(), drawn, |frame| {
-        frames.push(frame.clone());
-        bar.inc(1);
-    })?;
-    Ok(frames)
-}
-
 /// One inspection run against the prior.
-struct Dive<'a> {
+struct Job<'a> {
     args: &'a Args,
     name: &'static str,
     engine: &'a Engine,
@@ -168,7 +140,7 @@ struct Dive<'a> {
     prior: &'a Path,
 }
 
-impl Dive<'_> {
+impl Job<'_> {
     fn table(&self, frames: &[DemoFrame]) -> anyhow::Result<Table> {
         let quality = Rate::Quality(self.args.quality);
         let (default, pictures) =

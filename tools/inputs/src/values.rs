@@ -72,6 +72,16 @@ pub fn count(text: &str) -> Result<usize, String> {
     }
 }
 
+/// How many frames a run has per second.
+pub fn frame_rate(text: &str) -> Result<f64, String> {
+    within(text, 0.1, 1000.0, "between 0.1 and 1000 frames per second")
+}
+
+/// An age of a scene: up to ten years.
+pub fn weeks(text: &str) -> Result<f32, String> {
+    Ok(within(text, 0.0, 520.0, "between 0 and 520 weeks")? as f32)
+}
+
 /// A rectangle: left, top, width and height, pixels, with commas between them.
 pub fn rectangle(text: &str) -> Result<[u32; 4], String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();

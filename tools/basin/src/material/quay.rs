@@ -4,27 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::super::noise::{fractal, hash_cell, unit};
 use super::super::quay::DEPTH;
-use super::{Spot, band, grime};
-
-/// How much of a sample lies in round specks: one at most in each cell of a grid in space, none of which leaves it.
-/// `share`: of the cells that have one. Also gives a number of the speck.
-fn specks(spot: &Spot, pitch: f32, share: f32, seed: u32) -> (f32, u32) {
-    let cell = (spot.position / pitch).floor();
-    let id = hash_cell(cell.as_ivec3(), seed);
-    if unit(id) > share {
-        return (0.0, id);
-    }
-    let draw = |k: u32| unit(hash_cell(cell.as_ivec3(), seed.wrapping_add(k)));
-    let radius = pitch * (0.14 + 0.2 * draw(1));
-    let place = Vec3::new(draw(2), draw(3), draw(4)) * (pitch - 2.0 * radius) + radius;
-    let away = (spot.position - cell * pitch - place).length();
-    (band(away, radius, spot.footprint), id)
-}
-
-/// A ramp from 0 at `from` to 1 at `to`.
-fn ramp(value: f32, from: f32, to: f32) -> f32 {
-    ((value - from) / (to - from)).clamp(0.0, 1.0)
-}
+use super::{Spot, band, grime, ramp, specks};
 
 /// What has grown on a surface since it was put there.
 fn grown(spot: &Spot, bare: Vec3) -> Vec3 {

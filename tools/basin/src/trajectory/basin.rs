@@ -1,4 +1,4 @@
-//! The vehicle's way in the basin: the mapping run around and over the structure, and two inspection runs.
+//! The vehicle's way in the basin: the mapping run around and over the structure, and the inspection runs.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -7,9 +7,6 @@ use nvsprior::Pose;
 
 use super::super::basin::{self, BASIN, HALF_PLAN, STRUCTURE_HEIGHT};
 use super::{lawnmower, looking};
-
-/// Speed of the inspection runs along the track, m/s.
-const SPEED: f64 = 0.25;
 
 /// Poses of the mapping run: rows around the structure, then passes over it.
 pub fn mapping_poses() -> Vec<Pose> {
@@ -35,6 +32,11 @@ pub fn mapping_poses() -> Vec<Pose> {
 
 /// What differs between the inspection runs.
 pub struct Track {
+    /// Where on the loop around the structure the legs begin, and their length, metres.
+    from: f64,
+    leg: f64,
+    /// Metres per second.
+    speed: f64,
     /// Where along the track the run begins, metres.
     begin: f64,
     /// Phase of the sway.
@@ -46,18 +48,46 @@ pub struct Track {
 }
 
 impl Track {
-    pub const T1: Track = Track { begin: 0.6, phase: 0.0, clearance: 2.6, lowest: 1.1 };
-    pub const T2: Track = Track { begin: 1.6, phase: 2.1, clearance: 2.7, lowest: 0.95 };
+    pub const T1: Track = Track {
+        from: -0.1,
+        leg: 4.8,
+        speed: 0.25,
+        begin: 0.6,
+        phase: 0.0,
+        clearance: 2.6,
+        lowest: 1.1,
+    };
+    pub const T2: Track =
+        Track { begin: 1.6, phase: 2.1, clearance: 2.7, lowest: 0.95, ..Track::T1 };
+    /// From the middle of the side x > 0 around the corner to the side y > 0.
+    pub const T4: Track = Track {
+        from: 1.2,
+        leg: 8.4,
+        speed: 0.35,
+        begin: 0.7,
+        phase: 0.9,
+        clearance: 2.65,
+        lowest: 1.2,
+    };
+    /// From the middle of the side x > 0 the other way, half a metre higher, around the corner to the side y < 0.
+    pub const T5: Track =
+        Track { from: -5.6, begin: 9.0, phase: 3.3, clearance: 2.75, lowest: 1.0, ..Track::T4 };
+
+    /// The track of a dive after `earlier` others of its run.
+    pub fn after(self, earlier: u32) -> Track {
+        let earlier = f64::from(earlier);
+        Track { begin: self.begin + 0.4 * earlier, phase: self.phase + 0.8 * earlier, ..self }
+    }
 }
 
-/// The vehicle's pose `time` seconds into an inspection run: a lawnmower track along the side
-/// x > 0, with the slow sway of a hovering vehicle.
+/// The vehicle's pose `time` seconds into an inspection run: a lawnmower track along the structure's sides, with the
+/// slow sway of a hovering vehicle.
 pub fn inspection_pose(track: &Track, time: f64) -> Pose {
-    let Track { begin, phase, clearance, lowest } = *track;
-    let (along, up) = lawnmower(begin + SPEED * time, 4.8, 0.55, 4);
+    let Track { from, leg, speed, begin, phase, clearance, lowest } = *track;
+    let (along, up) = lawnmower(begin + speed * time, leg, 0.55, 4);
     let sway = |period: f64, offset: f64| (TAU * time / period + phase + offset).sin();
     let loop_ = Loop { clearance: clearance + 0.06 * sway(17.0, 0.0) };
-    let (place, inward) = loop_.at(along - 0.1);
+    let (place, inward) = loop_.at(along + from);
     let height = lowest + up + 0.04 * sway(11.0, 1.0);
     let yaw = inward + f64::to_radians(5.0) * sway(23.0, 2.0);
     let pitch = f64::to_radians(-8.0 - 6.0 * up + 1.5 * sway(7.0, 0.5));

@@ -35,11 +35,12 @@ pub fn mapping_poses() -> Vec<Pose> {
     rows.into_iter().flat_map(row).collect()
 }
 
-/// The vehicle's pose `time` seconds into the inspection run: a lawnmower track before the wall, with the slow sway of
-/// a hovering vehicle.
-pub fn inspection_pose(time: f64) -> Pose {
-    let (along, up) = lawnmower(1.2 + SPEED * time, 6.0, 0.7, 3);
-    let sway = |period: f64, offset: f64| (TAU * time / period + offset).sin();
+/// The vehicle's pose `time` seconds into a dive of the inspection run, after `earlier` ones: a lawnmower track before
+/// the wall, with the slow sway of a hovering vehicle.
+pub fn inspection_pose(earlier: u32, time: f64) -> Pose {
+    let earlier = f64::from(earlier);
+    let (along, up) = lawnmower(1.2 + 0.4 * earlier + SPEED * time, 6.0, 0.7, 3);
+    let sway = |period: f64, offset: f64| (TAU * time / period + offset + 0.8 * earlier).sin();
     let distance = 2.45 + 0.07 * sway(13.0, 0.7);
     let height = 1.25 + up + 0.05 * sway(9.0, 1.9);
     let yaw = TO_WALL + f64::to_radians(4.0) * sway(19.0, 0.4);

@@ -1,4 +1,4 @@
-//! The demo: its prior, as it comes with the program, against the basin's runs; and the site without one.
+//! The demo: its prior, as it comes with the program, against the basin's runs; and runs that are only drawn.
 
 use nvsprior::render::Plan;
 use nvsprior::{Encoder, EncoderOptions, Picture, Prior};
@@ -10,6 +10,17 @@ use crate::dive::Dive;
 /// A new object and a safety line come into view: the search must not follow them away from the scene.
 #[test]
 fn a_new_object_does_not_draw_the_search_away() {
+    follows(Run::T2);
+}
+
+/// Neither must it follow a chain, or what has grown.
+#[test]
+fn weeks_of_growth_do_not_draw_the_search_away() {
+    follows(Run::T4);
+}
+
+/// Checks that the search finds poses at which the render is as good as at the true ones.
+fn follows(run: Run) {
     let engine = engine();
     let prior =
         Prior::from_bytes(nvsprior_basin::PRIOR, "prior.nvsg", &Default::default()).unwrap();
@@ -18,7 +29,7 @@ fn a_new_object_does_not_draw_the_search_away() {
     let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let mut render = Picture::new(CAMERA.width, CAMERA.height);
-    for (index, frame) in inspection_run(Run::T2, 5, Conditions::CALM).enumerate() {
+    for (index, frame) in inspection_run(run, 5, Conditions::CALM).enumerate() {
         renderer.picture(&frame.pose, &mut render).unwrap();
         let at_the_true_pose = render.psnr(&frame.picture);
         let stats =
@@ -40,4 +51,26 @@ fn the_quay_is_drawn_and_not_encoded() {
     assert_eq!(cameras.matches(".png").count(), 2);
     assert_eq!(std::fs::read_dir(folder.join("T3/T3")).unwrap().count(), 2);
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+}
+
+/// Without a driver for any device.
+#[test]
+fn a_run_is_drawn_without_a_device() {
+    let dive = Dive::new();
+    let none = [("VK_ICD_FILENAMES", "none.json"), ("VK_DRIVER_FILES", "none.json")];
+    let draw = |args: &str| dive.run_with(&format!("demo --draw-only --frames 2 {args}"), &none);
+    draw("--run T2 --out plain").ends_with(0);
+    draw("--run T2 --rate 15 --out fast").ends_with(0);
+    draw("--run T4 --out aged").ends_with(0);
+    draw("--run T4 --age 0 --dive 2 --out mapped").ends_with(0);
+    draw("--out both").ends_with(0);
+    let files = |folder: &str| std::fs::read_dir(dive.path(folder)).unwrap().count();
+    assert_eq!((files("plain"), files("plain/T2"), files("plain/T2/T2")), (1, 2, 2));
+    assert_eq!(files("both"), 2);
+    assert_eq!(dive.bytes("both/T2/T2/0002.png"), dive.bytes("plain/T2/T2/0002.png"));
+    assert_eq!(dive.bytes("fast/T2/T2/0001.png"), dive.bytes("plain/T2/T2/0001.png"));
+    assert_ne!(dive.bytes("aged/T4/T4/0001.png"), dive.bytes("mapped/T4/T4/0001.png"));
+    let time = |folder: &str| dive.json(folder)["images"][1]["time"].as_f64();
+    assert_eq!(time("plain/T2/cameras.json"), Some(1.0 / 3.0));
+    assert_eq!(time("fast/T2/cameras.json"), Some(1.0 / 15.0));
 }

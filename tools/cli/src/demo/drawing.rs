@@ -1,0 +1,123 @@
+//! Which runs the demo draws, and drawing them into folders.
+
+use std::path::Path;
+
+use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Dive, Run, Site};
+use nvsprior_inputs::args::progress;
+use nvsprior_inputs::values::{self, WrongUsage};
+
+/// What is drawn.
+#[derive(clap::Args)]
+pub struct SceneArgs {
+    /// Which scene, basin if none is named. The quay has no prior yet: its inspection run T3 is drawn, and not encoded
+    #[arg(long, value_enum, value_name = "SITE")]
+    site: Option<SiteArg>,
+    /// Only this inspection run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5
+    /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay
+    #[arg(long, value_name = "RUN", value_parser = run_named)]
+    run: Option<Run>,
+    /// Weeks since the mapping run, 0 to 520, instead of T4's 4 or T5's 26
+    #[arg(long, value_name = "WEEKS", value_parser = values::weeks, requires = "run",
+        allow_hyphen_values = true)]
+    age: Option<f32>,
+    /// Which of five dives: each has a track of its own, and the water's light at another moment
+    #[arg(long, value_name = "K", default_value_t = 1,
+        value_parser = clap::value_parser!(u8).range(1..=5))]
+    dive: u8,
+    /// Frames per second of the inspection runs
+    #[arg(long, value_name = "FPS", default_value_t = nvsprior_basin::FRAME_RATE,
+        value_parser = values::frame_rate, allow_hyphen_values = true)]
+    rate: f64,
+}
+
+/// Name of a site.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum SiteArg {
+    /// A structure of oil barrels in an indoor basin
+    Basin,
+    /// A harbour's wall of sheet piles, in green water
+    Quay,
+}
+
+impl From<SiteArg> for Site {
+    fn from(site: SiteArg) -> Site {
+        match site {
+            SiteArg::Basin => Site::Basin,
+            SiteArg::Quay => Site::Quay,
+        }
+    }
+}
+
+/// The run of a name.
+fn run_named(name: &str) -> Result<Run, String> {
+    let named = Run::ALL.into_iter().find(|run| run.name() == name);
+    named.ok_or_else(|| format!("no such run; there are: {}", Run::ALL.map(Run::name).join(", ")))
+}
+
+impl SceneArgs {
+    /// The site that is named, or the one of the run that is.
+    pub fn site(&self) -> Result<Site, WrongUsage> {
+        match (self.site.map(Site::from), self.run) {
+            (Some(site), Some(run)) if run.site() != site => {
+                let run = run.name();
+                Err(WrongUsage(format!("--run {run}: it is not a run of that --site")))
+            }
+            (Some(site), _) => Ok(site),
+            (None, Some(run)) => Ok(run.site()),
+            (None, None) => Ok(Site::Basin),
+        }
+    }
+
+    /// The dives to draw: of the run that is named, or of those that the demo shows of a site.
+    pub fn dives(&self) -> Result<Vec<Dive>, WrongUsage> {
+        let runs = match (self.run, self.site()?) {
+            (Some(run), _) => vec![run],
+            (None, Site::Basin) => vec![Run::T1, Run::T2],
+            (None, Site::Quay) => vec![Run::T3],
+        };
+        runs.into_iter().map(|run| self.dive(run)).collect()
+    }
+
+    fn dive(&self, run: Run) -> Result<Dive, WrongUsage> {
+        let mut dive = Dive { number: self.dive, rate: self.rate, ..Dive::of(run) };
+        if let Some(weeks) = self.age {
+            if run.weeks() == 0.0 {
+                let what = "only the scene of T4 and T5 ages. Leave --age out";
+                return Err(WrongUsage(format!("--run {}: {what}", run.name())));
+            }
+            dive.weeks = weeks;
+        }
+        Ok(dive)
+    }
+}
+
+/// Draws a mapping run into a folder of its name.
+pub fn draw_mapping_run(out: &Path, site: Site) -> anyhow::Result<()> {
+    let name = site.mapping_run_name();
+    let folder = out.join(name);
+    let run = nvsprior_basin::mapping_run(site, Conditions::CALM);
+    let bar = progress(run.len(), "drawing the mapping run");
+    nvsprior_basin::write_run(&folder, name, run, |_| bar.inc(1))?;
+    bar.finish_and_clear();
+    println!("the mapping run is in {}", folder.display());
+    Ok(())
+}
+
+/// Draws a dive into a folder of its run's name, with its camera file, as `nvsprior encode` reads it. Gives each frame
+/// to `drawn` once its file is there.
+pub fn draw_dive(
+    out: &Path,
+    dive: &Dive,
+    count: usize,
+    mut drawn: impl FnMut(&DemoFrame),
+) -> anyhow::Result<()> {
+    let name = dive.run.name();
+    let bar = progress(count, "drawing an inspection run");
+    let frames = nvsprior_basin::dive_by(CAMERA, *dive, count, Conditions::CALM);
+    nvsprior_basin::write_run(&out.join(name), name, frames, |frame| {
+        drawn(frame);
+        bar.inc(1);
+    })?;
+    bar.finish_and_clear();
+    Ok(())
+}
