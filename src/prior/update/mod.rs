@@ -14,7 +14,7 @@
 //! | end − 4 | u32 | CRC-32 of all bytes before |
 //!
 //! All little endian. The coded part is what the binary range coder makes of these numbers; zeros at its end are left
-//! out. *Plain* bits have even odds, all others chances that adapt (`bits.rs`).
+//! out. *Plain* bits have even odds, all others have chances that adapt (`bits.rs`).
 //!
 //! 1. The grid: the three numbers of the origin, 32 plain bits each; the exponent of the step plus 40, 7 plain bits.
 //! 2. The first frame number, 24 plain bits, and how far the last one lies beyond, modulo 2²⁴.
@@ -22,8 +22,8 @@
 //! 4. The positions of the new splats, as a tree (`places.rs`): the least of each axis, the size of the box that holds
 //!    them all, then for each half of each box how many of its splats lie in the upper one.
 //! 5. What each splat looks like (`attributes.rs`): the scales, less what is expected after those before; the rotation,
-//!    unless the three scales are equal; the opacity; the colour as green, red less green, blue less green, less the mean
-//!    of one of up to four colours.
+//!    unless the three scales are equal; the opacity; the colour as green, red less green, blue less green, each less
+//!    the mean of one of up to four colours.
 //! 6. Learnt splats that are taken back: how many stay between one and the next.
 //! 7. The fades: the lowest cell, less that of the fade before; the size; the factor, 8 plain bits.
 //!
@@ -34,8 +34,8 @@
 //! which it is round. [`NewSplat::nearest`] takes the smallest rotation of all these. A splat with three equal scales
 //! has none in the file.
 //!
-//! **State.** [`Update::state`] hashes the values, not the bytes: `content.rs` says in which order. Both sides of a link
-//! that agree on the state hold the same splats and fades, to the last bit.
+//! **State.** [`Update::state`] hashes the values, not the bytes: `content.rs` says in which order. If both sides of a
+//! link agree on the state, they hold the same splats and fades, to the last bit.
 //!
 //! **Same on every machine.** Reading uses only additions, products, quotients and square roots of f64, each rounded to
 //! f32 once. An update has one form: what [`Update::write`] would write in another way is refused.
@@ -62,9 +62,9 @@
 //! | scales | as a tree of six bits | 1.43 | 1.36 | 1.32 |
 //! | rotation | as a tree of four bits | 1.24 | 1.20 | 1.19 |
 //!
-//! (The rotation alone took 1.21, 1.19 and 1.18 bytes there, since turns that show nothing were still in it.) Chances
-//! that follow the last 15 bits, in place of 120, take 0.01 to 0.02 bytes more for each part. Those that follow the last
-//! 250 take as many. Chances that know nothing at first take 0.07 bytes more for 60 splats.
+//! (The rotation took 1.21, 1.19 and 1.18 bytes there, since turns that show nothing were still in it.) Chances that
+//! follow the last 15 bits, in place of 120, take up to 0.02 bytes more for each part. Those that follow the last 250
+//! take the same within 0.003 bytes. Chances that know nothing at first take 0.07 bytes more for 60 splats.
 
 mod attributes;
 mod bits;

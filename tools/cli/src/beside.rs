@@ -18,8 +18,8 @@ pub fn check_key_frames(out: &Path) -> Result<(), PriorError> {
     Ok(())
 }
 
-/// Puts a prior's coder tables beside the one that is made of it, if that cannot hold them. If an earlier run left tables there,
-/// they would be read with it: says so.
+/// Puts a prior's coder tables beside the one that is made of it, if that cannot hold them. If an earlier run left
+/// tables there, they would be read with it: says so.
 pub fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(), PriorError> {
     let beside = tables_file::path_beside(out);
     match (prior.coder_tables(), container) {
