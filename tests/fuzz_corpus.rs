@@ -13,6 +13,8 @@ mod ply;
 mod shares;
 #[path = "../fuzz/src/unprotected.rs"]
 mod unprotected;
+#[path = "../fuzz/src/update.rs"]
+mod update;
 #[path = "../fuzz/src/wavelet.rs"]
 mod wavelet;
 
@@ -63,4 +65,9 @@ fn compact_priors() {
 #[test]
 fn packed_priors() {
     run("packed", packed::run);
+}
+
+#[test]
+fn updates_of_priors() {
+    run("update", update::run);
 }

@@ -35,17 +35,14 @@ impl Attributes {
     pub fn code(&mut self, coder: &mut impl Bits, splat: &NewSplat) -> Option<NewSplat> {
         let log_scale = self.log_scale(coder, splat.log_scale.map(i32::from));
         let rotation = self.rotation(coder, log_scale, splat.rotation.map(i32::from));
-        let usual = USUAL_OPACITY;
-        let opacity = i32::from(splat.opacity).wrapping_sub(usual);
-        let opacity = self.opacities.code(coder, opacity).wrapping_add(usual);
-        let [r, g, b] = splat.colour.map(i32::from);
-        let [g, red, blue] = self.colours.code(coder, [g, r - g, b - g])?;
+        let opacity = self.opacity(coder, splat.opacity);
+        let colour = self.colour(coder, splat.colour.map(i32::from))?;
         Some(NewSplat {
             position: splat.position,
             log_scale: small(log_scale)?,
             rotation: small(rotation)?,
             opacity: i8::try_from(opacity).ok()?,
-            colour: small([g.checked_add(red)?, g, g.checked_add(blue)?])?,
+            colour: small(colour)?,
         })
     }
 
@@ -77,6 +74,17 @@ impl Attributes {
             let model = usize::from(idle == Some(axis));
             self.turns[model].code(coder, turn[axis])
         })
+    }
+
+    fn opacity(&mut self, coder: &mut impl Bits, steps: i8) -> i32 {
+        let off = i32::from(steps) - USUAL_OPACITY;
+        self.opacities.code(coder, off).wrapping_add(USUAL_OPACITY)
+    }
+
+    /// Green, then red and blue less green: most colours differ in light more than in hue.
+    fn colour(&mut self, coder: &mut impl Bits, [r, g, b]: [i32; 3]) -> Option<[i32; 3]> {
+        let [g, red, blue] = self.colours.code(coder, [g, r - g, b - g])?;
+        Some([g.checked_add(red)?, g, g.checked_add(blue)?])
     }
 }
 
@@ -175,3 +183,6 @@ impl<const N: usize> Mean<N> {
         (count > 0).then(|| self.sums.map(round))
     }
 }
+
+#[cfg(test)]
+mod figures;

@@ -15,8 +15,7 @@ pub struct FadeBox {
 
 impl FadeBox {
     pub fn new(fade: &Fade, grid: &UpdateGrid) -> FadeBox {
-        let beyond = fade.max.map(|cell| i64::from(cell) + 1);
-        let (from, to) = (grid.corner(fade.min.map(i64::from)), grid.corner(beyond));
+        let [from, to] = grid.corners(fade);
         FadeBox { from, to, factor: fade.factor }
     }
 

@@ -42,8 +42,14 @@ impl UpdateGrid {
         Fade { min: self.cell(min), max: self.cell(max), factor }
     }
 
+    /// The corners of a fade in the scene. The first belongs to it, the second does not.
+    pub fn corners(&self, fade: &Fade) -> [[f64; 3]; 2] {
+        let beyond = fade.max.map(|cell| i64::from(cell) + 1);
+        [self.corner(fade.min.map(i64::from)), self.corner(beyond)]
+    }
+
     /// The lower corner of a cell.
-    pub(super) fn corner(&self, cell: [i64; 3]) -> [f64; 3] {
+    fn corner(&self, cell: [i64; 3]) -> [f64; 3] {
         // A cell's number and eight times it are exact in f64.
         let size = self.cell_size();
         std::array::from_fn(|axis| f64::from(self.origin[axis]) + cell[axis] as f64 * size)

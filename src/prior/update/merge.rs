@@ -31,17 +31,19 @@ impl Prior {
 
 /// The splats that can still be seen. Those outside of all fades keep their bits.
 fn faded(splats: &Splats, learnt: &Learnt) -> Splats {
-    let mut logits = splats.opacity_logits.clone();
-    let mut kept = vec![true; splats.len()];
+    let (mut kept, mut logits) = (Vec::new(), Vec::new());
     for (index, position) in splats.positions.iter().enumerate() {
         let factor = learnt.fade_of(*position);
-        if factor < 1.0 {
-            let opacity = splats.opacity(index) * f64::from(factor);
-            kept[index] = opacity >= LEAST_OPACITY;
-            logits[index] = libm::log(opacity / (1.0 - opacity)) as f32;
+        let opacity = splats.opacity(index) * f64::from(factor);
+        let untouched = factor == 1.0;
+        kept.push(untouched || opacity >= LEAST_OPACITY);
+        if untouched {
+            logits.push(splats.opacity_logits[index]);
+        } else if opacity >= LEAST_OPACITY {
+            logits.push(libm::log(opacity / (1.0 - opacity)) as f32);
         }
     }
-    Splats { opacity_logits: logits, ..splats.clone() }.filtered(&kept)
+    Splats { opacity_logits: logits, ..splats.filtered(&kept) }
 }
 
 /// Adds learnt splats behind others. Their higher coefficients are 0.

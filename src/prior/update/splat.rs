@@ -203,10 +203,11 @@ mod tests {
             prop_assert_eq!(near.fault(), None);
             prop_assert!(near.rotation.iter().all(|v| v.abs() <= 7), "{:?}", near);
             let found = near.learnt(&GRID);
-            for axis in 0..3 {
-                prop_assert!((found.position[axis] - position[axis]).abs() <= 1.0 / 64.0 + 1e-5);
-                prop_assert!((found.colour[axis] - splat.colour[axis]).abs() <= 0.061);
-            }
+            let near = |a: [f32; 3], b: [f32; 3], limit: f32| {
+                a.iter().zip(b).all(|(a, b)| (a - b).abs() <= limit)
+            };
+            prop_assert!(near(found.position, position, 1.0 / 64.0 + 1e-5));
+            prop_assert!(near(found.colour, splat.colour, 0.061));
             prop_assert!((found.logit - splat.logit).abs() <= 0.41);
             let (a, b) = (
                 covariance(splat.rotation, splat.log_scale),

@@ -1,12 +1,14 @@
-//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need.
+//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need; what is in an update.
 
 mod study;
+mod update;
 
 use std::path::PathBuf;
 
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::PartSource;
+use nvsprior::prior::update::MAGIC;
 
 use crate::key_frames;
 use crate::mission::MissionArgs;
@@ -16,10 +18,11 @@ use nvsprior_inputs::values;
 
 /// Print what is in a prior, and which parts are left out because no picture shows them
 ///
-/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it.
+/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it. Of an
+/// update, print what it adds and where.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
+    /// The trained scene, .ply, .nvsg, .spz or .compressed.ply, or an update, .nvsu; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]
@@ -38,7 +41,12 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let bytes = Prior::read_file(&args.prior)?;
+    if bytes.starts_with(MAGIC) {
+        anyhow::ensure!(args.cameras.is_none(), "--cameras goes with a prior, not with an update");
+        return update::print(&args.prior);
+    }
+    let prior = Prior::from_file(&args.prior, bytes, &args.overrides.overrides())?;
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)

@@ -1,5 +1,6 @@
 //! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
 
+mod beside;
 mod container;
 mod decode;
 mod demo;
@@ -10,6 +11,7 @@ mod inspect;
 mod join;
 mod key_frames;
 mod map;
+mod merge;
 mod mission;
 mod picture_renderer;
 mod render;
@@ -56,6 +58,7 @@ enum Command {
     Inspect(inspect::Args),
     Map(map::Args),
     Trim(trim::Args),
+    Merge(merge::Args),
     KeyFrames(key_frames::Args),
     Tables(tables::Args),
     Bench(bench::Args),
@@ -79,6 +82,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Map(args) => map::run(&args),
         Command::Trim(args) => trim::run(&args),
+        Command::Merge(args) => merge::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
         Command::Tables(args) => tables::run(&args),
         Command::Bench(args) => bench::run(&args),

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{KeyFrames, PriorError, tables_file};
 use nvsprior::{Camera, Pose, Prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
 
+use crate::beside;
 use crate::container::Container;
 use crate::mission::{self, Mission, MissionArgs};
 use crate::picture_renderer::PictureRenderer;
@@ -94,9 +94,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(sheet) = &args.sheet {
         values::check_file("--sheet", sheet)?;
     }
-    check_beside(&args.out)?;
+    beside::check_key_frames(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
-    place_tables(&prior, container, &args.out)?;
+    beside::place_tables(&prior, container, &args.out)?;
     let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;
     let mut whole = PictureRenderer::new(&engine, &prior)?;
@@ -122,31 +122,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         write_sheet(path, &mut bench, &reduced, &mission.places())?;
     }
     args.device.check(&engine)
-}
-
-/// An earlier run may have left key frames beside the reduced prior. They would be read in place of those written to
-/// it. Says so, and refuses broken ones before any work is done.
-fn check_beside(out: &Path) -> anyhow::Result<()> {
-    let beside = KeyFrames::path_beside(out);
-    if beside.exists() {
-        KeyFrames::open(&beside)?;
-        eprintln!("{}: takes precedence over the key frames of the prior", beside.display());
-    }
-    Ok(())
-}
-
-/// Puts a prior's coder tables beside the reduced one, if that cannot hold them. If an earlier run left tables there,
-/// they would be read with it: says so.
-fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(), PriorError> {
-    let beside = tables_file::path_beside(out);
-    match (prior.coder_tables(), container) {
-        (Some(tables), Container::Ply) => return tables_file::save(tables, &beside),
-        _ if !beside.exists() => return Ok(()),
-        _ => (),
-    }
-    tables_file::open(&beside)?;
-    eprintln!("{}: takes precedence over the coder tables of the prior", beside.display());
-    Ok(())
 }
 
 /// The views to fit to, with their frames if `fit` asks for frames, and some views within the margin. All other

@@ -22,9 +22,15 @@ pub struct Dive {
 }
 
 impl Dive {
-    pub fn new() -> Dive {
+    /// With the prior alone: no device is needed.
+    pub fn without_frames() -> Dive {
         let dive = Dive { folder: tempfile::tempdir().unwrap() };
         write_prior(&dive.path("prior.ply"), &wall(1));
+        dive
+    }
+
+    pub fn new() -> Dive {
+        let dive = Dive::without_frames();
         std::fs::create_dir(dive.path("images")).unwrap();
         for (t, picture) in pictures().iter().enumerate() {
             save(picture, &dive.path(&name(t)));

@@ -17,6 +17,7 @@ mod map;
 mod map_hard;
 #[cfg(unix)]
 mod map_structure;
+mod merge;
 mod paper;
 mod preprocessing;
 mod recovery;

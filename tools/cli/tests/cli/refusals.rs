@@ -17,6 +17,7 @@ fn help_of_every_subcommand() {
         "render",
         "inspect",
         "trim",
+        "merge",
         "map",
         "key-frames",
         "bench",

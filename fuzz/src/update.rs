@@ -1,0 +1,48 @@
+//! An update of a prior: must give an error or a valid update. The check at the end is made to match first, else no
+//! input would get past it.
+use nvsprior::PriorId;
+use nvsprior::prior::update::{MAX_FADES, MAX_LEARNT};
+use nvsprior::prior::{Learnt, Update};
+
+pub fn run(bytes: &[u8]) {
+    let _ = Update::read(bytes);
+    let content = &bytes[..bytes.len().saturating_sub(4)];
+    let file = [content, &crc32fast::hash(content).to_le_bytes()].concat();
+    let Ok(update) = Update::read(&file) else { return };
+    assert!(update.splats.len() <= MAX_LEARNT && update.fades.len() <= MAX_FADES);
+    // What was read is written to the same bytes.
+    let mut again = Vec::new();
+    update.write(&mut again).expect("what could be read");
+    assert_eq!(again, file);
+    // As the first of a chain it adds up, unless it takes back what is not there.
+    let id = PriorId(1);
+    let first = Update { prior: id, number: 1, before: id.into(), ..update };
+    let mut learnt = Learnt::none(id);
+    let added = learnt.add(&first);
+    assert_eq!(added.is_ok(), first.removed.is_empty());
+    if added.is_err() {
+        assert_eq!(learnt, Learnt::none(id));
+        return;
+    }
+    assert_eq!((learnt.state(), learnt.number()), (first.state(), 1));
+    assert_eq!(learnt.splats().len(), first.splats.len());
+    for splat in learnt.splats() {
+        let [w, x, y, z] = splat.rotation;
+        let length = w * w + x * x + y * y + z * z;
+        assert!((length - 1.0).abs() < 1e-5, "{splat:?}");
+        assert!(splat.position.iter().all(|v| v.is_finite()));
+        assert!((0.0..=1.0).contains(&learnt.fade_of(splat.position)));
+    }
+    // The same splats in another order are the same update.
+    let mut turned = first.clone();
+    turned.splats.reverse();
+    let places = |update: &Update| {
+        let mut places: Vec<_> = update.splats.iter().map(|splat| splat.position).collect();
+        places.sort_unstable();
+        places.dedup();
+        places.len()
+    };
+    if places(&first) == first.splats.len() {
+        assert_eq!(turned.state(), first.state());
+    }
+}

@@ -1,0 +1,86 @@
+//! `nvsprior merge`: a prior with what its updates add to it.
+
+use std::path::{Path, PathBuf};
+
+use nvsprior::Prior;
+use nvsprior::prior::compact::Quantisation;
+use nvsprior::prior::{Learnt, Update, UpdateError, replace_file};
+
+use crate::container::Container;
+use crate::{beside, row};
+use nvsprior_inputs::args::OverrideArgs;
+use nvsprior_inputs::values;
+
+/// Write a prior with what its updates add to it
+///
+/// Takes the updates of one dive in any order, from the first one on without a gap. What they learnt becomes a part of
+/// the prior, for the next dive. The merged prior has another identity: both sides of a link must hold it.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The trained scene that the vehicle had on the dive
+    #[arg(value_name = "PRIOR")]
+    prior: PathBuf,
+    /// The updates, .nvsu
+    #[arg(value_name = "UPDATE", required = true)]
+    updates: Vec<PathBuf>,
+    #[command(flatten)]
+    overrides: OverrideArgs,
+    /// The merged prior: .nvsg (compact, quantised) or .ply
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Steps of a compact prior's quantisation, as multiples of the usual ones
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    coarseness: f32,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let quantisation = Quantisation::default().scaled(args.coarseness);
+    let container = Container::of(&args.out, quantisation)?;
+    values::check_file("--out", &args.out)?;
+    beside::check_key_frames(&args.out)?;
+    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let learnt = learnt(&prior, &args.updates)?;
+    let merged = prior.with_learnt(&learnt)?;
+    let bytes = container.write(
+        merged.splats(),
+        merged.options(),
+        merged.key_frames(),
+        merged.coder_tables().map(AsRef::as_ref),
+        merged.preprocessing(),
+    )?;
+    beside::place_tables(&merged, container, &args.out)?;
+    replace_file(&args.out, &bytes)?;
+    print(&prior, &learnt, &merged, &args.out)
+}
+
+/// All updates, added up in the order of their numbers.
+fn learnt(prior: &Prior, paths: &[PathBuf]) -> Result<Learnt, UpdateError> {
+    let mut updates = Vec::new();
+    for path in paths {
+        updates.push((Update::open(path)?, path));
+    }
+    updates.sort_by_key(|(update, _)| update.number);
+    let mut learnt = Learnt::none(prior.id());
+    for (update, path) in updates {
+        learnt.add(&update).map_err(|error| error.in_file(path))?;
+    }
+    Ok(learnt)
+}
+
+fn print(prior: &Prior, learnt: &Learnt, merged: &Prior, out: &Path) -> anyhow::Result<()> {
+    let new = learnt.splats().len();
+    let kept = merged.len() - new;
+    let faded = |position: &&[f32; 3]| learnt.fade_of(**position) < 1.0;
+    let faded = prior.splats().positions.iter().filter(faded).count();
+    let gone = prior.len() - kept;
+    row("prior", format!("{}, {} splats", prior.id(), prior.len()));
+    row("updates", format!("{}, which lead to state {}", learnt.number(), learnt.state()));
+    row("learnt", format!("{new} splats"));
+    row("faded", format!("{faded} splats, {gone} of them left out"));
+    // A compact file is quantised, which makes it another prior once more.
+    let written = Prior::open(out, &Default::default())?;
+    let bytes = std::fs::metadata(out)?.len();
+    row("merged", format!("{}, {} splats, {bytes} bytes", out.display(), written.len()));
+    row("identity", written.id().to_string());
+    Ok(())
+}
