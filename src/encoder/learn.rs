@@ -32,7 +32,8 @@ impl Encoder {
             return Err(Error::PriorChanged { expected, found });
         }
         let learner = self.learner(learnt, options)?;
-        self.learning = Learning { learner: Some((learner, options.clone())), ..Learning::default() };
+        self.learning =
+            Learning { learner: Some((learner, options.clone())), ..Learning::default() };
         Ok(())
     }
 

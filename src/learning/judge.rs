@@ -50,7 +50,8 @@ impl Judge {
 pub fn pays(saved: &[f64], update_bytes: usize, horizon: u32) -> bool {
     let count = saved.len() as f64;
     let mean = saved.iter().sum::<f64>() / count;
-    let square = saved.iter().map(|s| (s - mean) * (s - mean)).sum::<f64>() / (count - 1.0).max(1.0);
+    let square =
+        saved.iter().map(|s| (s - mean) * (s - mean)).sum::<f64>() / (count - 1.0).max(1.0);
     let sure = mean - (square / count).sqrt();
     let losing = saved.iter().filter(|saved| **saved < 0.0).count();
     saved.len() >= 2 && 4 * losing <= saved.len() && sure * f64::from(horizon) > update_bytes as f64

@@ -20,7 +20,7 @@ use super::harm::Harms;
 use super::held_out::{HeldOut, HeldOuts};
 use super::judge::{Judge, pays};
 use super::key_frame::KeyFrame;
-use super::refine::Course;
+use super::refine::{Course, has_changed};
 
 /// Fewest splats that an update is worth.
 const FEWEST: usize = 6;
@@ -28,6 +28,8 @@ const FEWEST: usize = 6;
 const FRESH: usize = 4;
 /// Newest key frames by which learnt splats are taken back.
 const COMPARED: usize = 3;
+/// Key frames that are kept beside the newest ones.
+const OLDER: usize = 8;
 /// Key frames redrawn per frame after an update.
 const REDRAWN: usize = 2;
 
@@ -66,13 +68,15 @@ struct Kept {
 
 /// An update that is trained or judged.
 struct Draft {
-    /// What is learnt already and stays, and what is taken back.
+    /// What is learnt already and stays as it is.
     base: Learnt,
+    /// Places of learnt splats that go, and of those that are trained again.
     removed: Vec<u16>,
+    again: Vec<u16>,
     course: Course,
     /// What it is learnt from.
     frames: Vec<(Arc<KeyFrame>, TrainingFrame)>,
-    /// Splats that are trained.
+    /// New splats.
     count: usize,
     step: u32,
     /// Once it is trained: the update, its bytes, and what it saved.
@@ -80,6 +84,8 @@ struct Draft {
 }
 
 struct Trained {
+    /// What is learnt, without what the update takes back.
+    base: Learnt,
     update: Update,
     bytes: Vec<u8>,
     splats: Vec<LearntSplat>,
@@ -96,6 +102,8 @@ pub struct Learner {
     judge: Judge,
     learnt: Learnt,
     kept: VecDeque<Kept>,
+    /// Key frames before those.
+    older: Vec<Arc<KeyFrame>>,
     /// Key frames since the last episode began.
     fresh: usize,
     held_out: HeldOuts,
@@ -132,6 +140,7 @@ impl Learner {
             judge: Judge::new(setup),
             learnt,
             kept: VecDeque::new(),
+            older: Vec::new(),
             fresh: 0,
             held_out: HeldOuts::default(),
             draft: None,
@@ -184,17 +193,32 @@ impl Learner {
             self.held_out.push(held, self.options.judged);
         }
         let shown = self.shown(pose)?;
-        let moved = self.kept.back().is_none_or(|last| {
-            parallax(&last.frame, &frame, &shown) >= self.options.parallax
-        });
+        let moved = self
+            .kept
+            .back()
+            .is_none_or(|last| parallax(&last.frame, &frame, &shown) >= self.options.parallax);
         if moved {
             while self.kept.len() >= self.options.frames {
-                self.kept.pop_front();
+                if let Some(kept) = self.kept.pop_front() {
+                    self.age(kept.frame);
+                }
             }
             self.kept.push_back(Kept { frame, shown: Some(shown) });
             self.fresh += 1;
         }
         Ok(())
+    }
+
+    /// Keeps some of the older key frames, so that what they show is not forgotten: evenly over the dive, the newer
+    /// half denser.
+    fn age(&mut self, frame: Arc<KeyFrame>) {
+        self.older.push(frame);
+        if self.older.len() > OLDER {
+            // The oldest pair becomes one: the pair whose frames are nearest to each other in number.
+            let gap = |i: &usize| self.older[i + 1].number.wrapping_sub(self.older[*i].number);
+            let closest = (1..self.older.len() - 1).min_by_key(|i| gap(i)).unwrap_or(0);
+            self.older.remove(closest);
+        }
     }
 
     fn shown(&mut self, pose: &Pose) -> Result<Shown, Error> {
@@ -236,13 +260,37 @@ impl Learner {
             return Ok(None);
         }
         let course = self.course(&starts);
+        let again = self.again(&removed, TRIED - starts.len());
+        let splats: Vec<LearntSplat> =
+            again.iter().map(|place| self.learnt.splats()[usize::from(*place)]).collect();
+        let mut gone = [&removed[..], &again].concat();
+        gone.sort_unstable();
+        let base = self.learnt.without(&gone);
         self.trainer.set_first(self.scene.first_tried(base.splats().len()).unwrap_or(0));
-        self.trainer.set(&course.state(&starts, &mut self.random))?;
+        self.trainer.set(&course.state(&starts, &splats, &mut self.random))?;
         let training = |frame: &Arc<KeyFrame>| (frame.clone(), training_frame(frame));
-        let frames = self.kept.iter().map(|kept| training(&kept.frame)).collect();
+        let all = self.older.iter().chain(self.kept.iter().map(|kept| &kept.frame));
+        let frames = all.map(training).collect();
         self.held_out.clear();
         let count = starts.len();
-        Ok(Some(Draft { base, removed, course, frames, count, step: 0, trained: None }))
+        Ok(Some(Draft { base, removed, again, course, frames, count, step: 0, trained: None }))
+    }
+
+    /// The learnt splats that the key frames show, without those that go; `most` of them.
+    fn again(&self, removed: &[u16], most: usize) -> Vec<u16> {
+        let seen = |splat: &LearntSplat| {
+            let point = DVec3::from(splat.position.map(f64::from));
+            let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+            self.kept.iter().any(|kept| {
+                kept.frame.seen(point).is_some_and(|([x, y], _)| {
+                    (0.0..width).contains(&x) && (0.0..height).contains(&y)
+                })
+            })
+        };
+        let all = (0..).zip(self.learnt.splats());
+        let shown =
+            all.filter(|(place, splat)| removed.binary_search(place).is_err() && seen(splat));
+        shown.map(|(place, _)| place).take(most).collect()
     }
 
     /// Draws all key frames with another state than the scene's.
@@ -252,8 +300,7 @@ impl Learner {
             let pose = self.kept[index].frame.pose;
             self.kept[index].shown = Some(self.shown(&pose)?);
         }
-        self.scene.set_learnt(&self.learnt, &[])
-            .map_err(Error::from)
+        self.scene.set_learnt(&self.learnt, &[]).map_err(Error::from)
     }
 
     /// The learnt splats beside which the newest key frames look more like the prior alone.
@@ -323,7 +370,7 @@ impl Learner {
             if draft.step >= draft.course.steps {
                 break;
             }
-            let turn = (self.random.bits() % draft.frames.len() as u64) as usize;
+            let turn = self.turn(&draft);
             let (key, frame) = &draft.frames[turn];
             let view = TrainingView { camera: &key.camera, pose: &key.pose, frame };
             self.trainer.step(&view, &draft.course.at(draft.step))?;
@@ -336,11 +383,30 @@ impl Learner {
         self.finish(draft)
     }
 
+    /// Which frame's turn it is: two of three times one of the newest.
+    fn turn(&mut self, draft: &Draft) -> usize {
+        let (all, newest) = (draft.frames.len(), self.options.frames.min(draft.frames.len()));
+        let bits = self.random.bits();
+        let among = if bits % 3 > 0 { newest } else { all };
+        all - 1 - ((bits >> 8) % among as u64) as usize
+    }
+
     /// Makes the update of a draft that is trained.
     fn finish(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
         let state = self.trainer.state()?;
-        let splats = draft.course.splats(&state, draft.count);
         let grid = draft.course.grid;
+        let trained = draft.course.splats(&state, draft.count + draft.again.len());
+        let (new, again) = trained.split_at(draft.count);
+        let mut splats: Vec<LearntSplat> = new.iter().copied().flatten().collect();
+        let mut removed = draft.removed.clone();
+        for (place, after) in draft.again.iter().zip(again) {
+            let before = &self.learnt.splats()[usize::from(*place)];
+            if after.as_ref().is_none_or(|after| has_changed(before, after)) {
+                removed.push(*place);
+                splats.extend(after);
+            }
+        }
+        removed.sort_unstable();
         let numbers = draft.frames.iter().map(|(frame, _)| frame.number % (1 << 24));
         let update = Update {
             prior: self.scene.id(),
@@ -348,17 +414,18 @@ impl Learner {
             before: self.learnt.state(),
             grid,
             splats: splats.iter().map(|splat| NewSplat::nearest(splat, &grid)).collect(),
-            removed: draft.removed.clone(),
+            removed,
             fades: Vec::new(),
             frames: [numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0)],
         };
-        if update.splats.len() < FEWEST {
+        if update.splats.len() + update.removed.len() < FEWEST {
             return Ok(None);
         }
+        let base = self.learnt.without(&update.removed);
         let splats = update.splats.iter().map(|splat| splat.learnt(&grid)).collect();
         let mut bytes = Vec::new();
         update.write(&mut bytes)?;
-        draft.trained = Some(Trained { update, bytes, splats, saved: Vec::new() });
+        draft.trained = Some(Trained { base, update, bytes, splats, saved: Vec::new() });
         Ok(Some(draft))
     }
 
@@ -369,7 +436,7 @@ impl Learner {
             return Ok(None);
         };
         while let Some(held) = self.held_out.pop() {
-            trained.saved.push(self.saved(&draft.base, &trained.splats, &held, rate)?);
+            trained.saved.push(self.saved(&trained.base, &trained.splats, &held, rate)?);
         }
         if trained.saved.len() < self.options.judged {
             draft.trained = Some(trained);

@@ -28,6 +28,6 @@ mod refine;
 mod sweep;
 
 pub(crate) use learner::Found;
-pub use learner::LearnerStats;
 pub(crate) use learner::Learner;
+pub use learner::LearnerStats;
 pub use options::LearnOptions;

@@ -24,12 +24,12 @@ pub struct LearnOptions {
 impl Default for LearnOptions {
     fn default() -> LearnOptions {
         LearnOptions {
-            steps_per_frame: 20,
-            steps: 40,
+            steps_per_frame: 30,
+            steps: 60,
             frames: 8,
             fewest_frames: 6,
             parallax: 4.0,
-            splats: 120,
+            splats: 100,
             horizon: 60,
             judged: 2,
         }

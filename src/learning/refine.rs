@@ -45,8 +45,13 @@ pub struct Course {
 }
 
 impl Course {
-    /// The parameters that training starts from.
-    pub fn state(&self, starts: &[Start], random: &mut Random) -> TrainingState {
+    /// The parameters that training starts from: new splats, then learnt ones.
+    pub fn state(
+        &self,
+        starts: &[Start],
+        learnt: &[LearntSplat],
+        random: &mut Random,
+    ) -> TrainingState {
         let room = self.room;
         let mut parameters = vec![0.0; room * planes(self.sh_degree) as usize];
         let mut set = |plane: u32, i: usize, value: f32| {
@@ -65,6 +70,16 @@ impl Course {
                 set(SH + k, i, (start.colour[k as usize] - 0.5) / SH_0);
             }
             set(OPACITY, i, FIRST_LOGIT);
+        }
+        for (i, splat) in (starts.len()..).zip(learnt) {
+            let position = (DVec3::from(splat.position.map(f64::from)) - self.centre).as_vec3();
+            for k in 0..3 {
+                set(POSITION + k, i, position[k as usize]);
+                set(LOG_SCALE + k, i, splat.log_scale[k as usize]);
+                set(SH + k, i, splat.colour[k as usize]);
+            }
+            (0..4).for_each(|k| set(ROTATION + k, i, splat.rotation[k as usize]));
+            set(OPACITY, i, splat.logit);
         }
         let zero = vec![0.0; parameters.len()];
         TrainingState { parameters, first: zero.clone(), second: zero }
@@ -97,21 +112,35 @@ impl Course {
         }
     }
 
-    /// The first `count` splats as they were trained, without those that are too faint.
-    pub fn splats(&self, state: &TrainingState, count: usize) -> Vec<LearntSplat> {
+    /// The first `count` splats as they were trained; `None` for those that are too faint.
+    pub fn splats(&self, state: &TrainingState, count: usize) -> Vec<Option<LearntSplat>> {
         let at = |plane: u32, i: usize| state.parameters[plane as usize * self.room + i];
         let triple = |plane: u32, i: usize| [0, 1, 2].map(|k| at(plane + k, i));
-        (0..count)
-            .filter(|i| at(OPACITY, *i) > FAINT)
-            .map(|i| LearntSplat {
-                position: (DVec3::from(triple(POSITION, i).map(f64::from)) + self.centre)
-                    .as_vec3()
-                    .to_array(),
+        let splat = |i: usize| {
+            let position = DVec3::from(triple(POSITION, i).map(f64::from)) + self.centre;
+            LearntSplat {
+                position: position.as_vec3().to_array(),
                 log_scale: triple(LOG_SCALE, i),
                 rotation: [0, 1, 2, 3].map(|k| at(ROTATION + k, i)),
                 logit: at(OPACITY, i),
                 colour: triple(SH, i),
-            })
-            .collect()
+            }
+        };
+        (0..count).map(|i| (at(OPACITY, i) > FAINT).then(|| splat(i))).collect()
     }
 }
+
+/// Whether a learnt splat looks different enough after training to be sent anew.
+pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
+    let far = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt();
+    let size = before.log_scale.iter().sum::<f32>() / 3.0;
+    let moved = far(before.position, after.position) / size.exp();
+    let grown = far(before.log_scale, after.log_scale);
+    let opacity = |logit: f32| 1.0 / (1.0 + (-logit).exp());
+    let fainter = (opacity(before.logit) - opacity(after.logit)).abs();
+    let recoloured = SH_0 * far(before.colour, after.colour);
+    moved + grown + 2.0 * fainter + 4.0 * recoloured > CHANGED
+}
+
+/// How much that takes.
+const CHANGED: f32 = 0.6;

@@ -14,7 +14,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory, Part, Recorder, Timing};
 use super::scene::{self, SplatBuffers};
 
 /// Splats that there is room for beside the learnt ones: those that a learner tries.
-pub(crate) const TRIED: usize = 256;
+pub(crate) const TRIED: usize = 512;
 
 /// Splats that a scene for updates has room for behind the prior's.
 pub(crate) const ROOM: usize = MAX_LEARNT + TRIED;
@@ -106,9 +106,8 @@ impl LearntRoom {
         recorder.barrier("learnt");
         recorder.finish()?.run()?;
         written.faded = learnt.fades() > 0;
-        let distance = |splat: &LearntSplat| {
-            DVec3::from(splat.position.map(f64::from)).distance(self.centre)
-        };
+        let distance =
+            |splat: &LearntSplat| DVec3::from(splat.position.map(f64::from)).distance(self.centre);
         let farthest = all.iter().map(distance).fold(0.0, f64::max);
         let radius = self.radius.max((farthest * (1.0 + 1e-6)) as f32);
         splats.hold(self.own + all.len() as u32, radius);
@@ -148,9 +147,8 @@ impl LearntRoom {
         learnt: &Learnt,
     ) {
         let pairs = self.opacities.chunks_exact(2).zip(&self.positions);
-        let faded = |(pair, position): (&[f32], &[f32; 3])| {
-            [pair[0], pair[1] * learnt.fade_of(*position)]
-        };
+        let faded =
+            |(pair, position): (&[f32], &[f32; 3])| [pair[0], pair[1] * learnt.fade_of(*position)];
         let words: Vec<[f32; 2]> = pairs.map(faded).collect();
         written.opacities.write(&words);
         let to = 2 * u64::from(OPACITY_PLANE) * u64::from(splats.room);

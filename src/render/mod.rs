@@ -24,10 +24,10 @@ mod workspace;
 pub use frame::to_byte;
 pub use jacobian::Jacobian;
 pub use kernels::{Kernels, PipelineKey, SceneKernels};
+#[cfg(feature = "training")]
+pub(crate) use learnt_room::TRIED;
 pub use levels::NormalEquations;
 pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::SortPrecision;
 pub use renderer::{Job, Plan, Renderer, SearchCommands, Searched};
-#[cfg(feature = "training")]
-pub(crate) use learnt_room::TRIED;
 pub use scene::Scene;

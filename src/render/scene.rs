@@ -260,12 +260,7 @@ fn radius(splats: &Splats, which: &[u32], centre: DVec3) -> f32 {
 
 /// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,
 /// computed in f64 and rounded once.
-pub(super) fn geometry(
-    splats: &Splats,
-    which: &[u32],
-    stride: usize,
-    centre: DVec3,
-) -> Vec<f32> {
+pub(super) fn geometry(splats: &Splats, which: &[u32], stride: usize, centre: DVec3) -> Vec<f32> {
     pair_planes(which, stride, GEOMETRY_PLANES, |i| {
         let axes = scaled_axes(splats, i).to_cols_array();
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;

@@ -18,13 +18,13 @@ use crate::training::{
 use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
-use super::{Kernels, Scene};
 use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
 use super::scene::{Held, SplatBuffers};
 use super::stages::{CameraPose, Channels, Stages};
 use super::workspace::Workspace;
+use super::{Kernels, Scene};
 
 pub use crate::training::{FADING, Training};
 pub use memory::{Fits, NoRoom, Shortage, TrainingMemory};

@@ -89,8 +89,8 @@ pub use fade::Fade;
 pub use format::MAGIC;
 pub use grid::UpdateGrid;
 pub use learnt::Learnt;
-pub(crate) use merge::append;
 pub use limits::*;
+pub(crate) use merge::append;
 pub use splat::{LearntSplat, NewSplat};
 pub use state::StateId;
 
