@@ -1,11 +1,16 @@
 //! The topside: packets in, pictures out.
 
+mod states;
+
 use std::sync::Arc;
 
 use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, Session};
+use crate::prior::{Learnt, Update};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
 use crate::{Camera, Engine, Error, Picture, Pose};
+
+use states::States;
 
 /// A decoded frame.
 #[derive(Debug, Default)]
@@ -34,6 +39,10 @@ pub struct Decoded {
     /// Later frames of the stream may be predicted from this one: it came in full. Tell the vehicle, if there is a
     /// return channel: [`Encoder::acknowledge`](crate::Encoder::acknowledge).
     pub kept: bool,
+    /// Number, modulo 256, of the update that the frame is drawn with, if this side does not hold it. The picture is the
+    /// render with the newest update that is held, at the packet's pose: it does not show what the vehicle saw. Ask the
+    /// vehicle for its updates. `None`: this side holds all that it needs.
+    pub missing_update: Option<u8>,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
 }
@@ -44,6 +53,8 @@ pub struct Decoder {
     scene: Arc<Scene>,
     cameras: Vec<Camera>,
     camera_decoder: Option<CameraDecoder>,
+    /// What the prior may have learnt.
+    states: States,
     /// Number of the last frame decoded.
     last_frame: Option<u32>,
     /// Most pixels of a picture.
@@ -99,6 +110,7 @@ impl Decoder {
         Decoder {
             engine: engine.clone(),
             scene: scene.clone(),
+            states: States::new(scene),
             cameras: Vec::new(),
             camera_decoder: None,
             last_frame: None,
@@ -160,7 +172,36 @@ impl Decoder {
             return Err(Error::PriorChanged { expected, found });
         }
         (self.engine, self.scene, self.camera_decoder) = (engine.clone(), scene.clone(), None);
+        self.states.forget_shown();
         Ok(())
+    }
+
+    /// Takes the next update of the prior, as it travels. Returns its number. Packets that are drawn with it can be
+    /// decoded from here on; those of some updates before still can.
+    ///
+    /// # Errors
+    /// If it is damaged, not the next one of the chain, or if the scene was not
+    /// [uploaded for updates](Engine::upload_for_updates). Nothing changes then.
+    pub fn add_update(&mut self, bytes: &[u8]) -> Result<u16, Error> {
+        let newest = self.states.newest();
+        self.scene.check_learnt(self.states.learnt(newest))?;
+        self.states.add(&Update::read(bytes)?)?;
+        Ok(self.learnt().number())
+    }
+
+    /// Takes what was learnt before: the updates of an earlier dive.
+    ///
+    /// # Errors
+    /// If it is of another prior, or if the scene was not uploaded for updates.
+    pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
+        self.scene.check_learnt(learnt)?;
+        self.states.push(learnt.clone());
+        Ok(())
+    }
+
+    /// What is learnt after the newest update.
+    pub fn learnt(&self) -> &Learnt {
+        self.states.learnt(self.states.newest())
     }
 
     /// Tells the decoder about a camera that packets only name.
@@ -209,7 +250,9 @@ impl Decoder {
     ) -> Result<(), Error> {
         let mut salvage = packet.salvage(bytes);
         let latent = salvage.latent;
-        latent.check_prior(self.scene.id())?;
+        if latent.update.is_none() {
+            latent.check_prior(self.scene.id())?;
+        }
         if let Session::Stated { width, height, .. } = latent.session {
             self.check_size(width, height)?;
         }
@@ -221,9 +264,18 @@ impl Decoder {
         let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
         let here = self.engine.device().portable;
         let frame = latent.frame_near(self.last_frame);
-        let view = self.camera_decoder(&latent, frame)?;
+        let state = self.state_of(&latent);
+        let shown = state.unwrap_or(self.states.newest());
+        let missing = state.is_none().then_some(latent.update).flatten();
+        self.states.show(&self.scene, shown)?;
+        let view = match missing {
+            // The camera that drew last is the best guess: without the state the tag tells nothing.
+            Some(update) => self.camera_decoder.as_mut().ok_or(Error::UpdateMissing { update })?,
+            None => self.camera_decoder(&latent, frame)?,
+        };
         let Camera { width, height, .. } = view.camera;
         decoded.picture.resize(width, height);
+        decoded.missing_update = missing;
         let portable = latent.portable && here;
         let arrived = Arrived { salvage: &salvage, trust, frame, portable };
         let viewpoint = view.draw(&latent, &arrived, &mut decoded.picture)?;
@@ -234,7 +286,11 @@ impl Decoder {
         decoded.portable = portable;
         let told = salvage.render.as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
-        let rows = view.add_residual(&arrived, &viewpoint, &mut decoded.picture);
+        // A difference from another render would show what nobody saw.
+        let rows = match missing {
+            Some(update) => Err(Error::UpdateMissing { update }),
+            None => view.add_residual(&arrived, &viewpoint, &mut decoded.picture),
+        };
         let whole = matches!(salvage.residual, Ok(Residual::Stream { .. })) && rows.is_ok();
         decoded.kept = whole && portable;
         (decoded.damage, decoded.rows) = match rows {
@@ -270,8 +326,12 @@ impl Decoder {
 
     /// The newest known camera that a packet may be about.
     pub fn camera_of(&self, latent: &Latent) -> Option<&Camera> {
-        let prior = self.scene.id();
-        self.cameras.iter().rev().find(|camera| latent.session.check(prior, camera).is_ok())
+        self.cameras.iter().rev().find(|camera| self.states.of(latent, camera).is_some())
+    }
+
+    /// The state that a packet is drawn with; `None`: it is not held, or its camera is not known.
+    fn state_of(&self, latent: &Latent) -> Option<usize> {
+        self.camera_of(latent).and_then(|camera| self.states.of(latent, camera))
     }
 
     /// What renders for a packet's camera.

@@ -9,8 +9,10 @@ use std::time::Instant;
 use crate::frame_work::{FoundFrame, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{
-    CAMERA_PART_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN, SHORT_LATENT_LEN,
+    CAMERA_PART_LEN, LEARNT_SHORT_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
+    SHORT_LATENT_LEN,
 };
+use crate::prior::Learnt;
 use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Viewpoint,
@@ -18,7 +20,7 @@ use crate::residual::{
 use crate::tracking::{
     Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
 };
-use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
+use crate::{Camera, Encoded, Engine, Error, Picture, PriorId, Rate};
 
 /// How to encode.
 #[derive(Clone, Debug)]
@@ -111,8 +113,24 @@ pub struct Encoder {
     acknowledged: Acknowledged,
     /// The last time that a frame stated.
     time: Option<f64>,
+    state: State,
     #[cfg(feature = "training")]
     learning: learn::Learning,
+}
+
+/// What the scene shows beside the prior, as packets name it.
+#[derive(Clone, Copy)]
+struct State {
+    /// Number of the newest update; 0: none.
+    update: u16,
+    /// The state after it, as the identity of a prior.
+    id: PriorId,
+}
+
+impl State {
+    fn of(learnt: &Learnt) -> State {
+        State { update: learnt.number(), id: learnt.state().into() }
+    }
 }
 
 impl Encoder {
@@ -152,6 +170,7 @@ impl Encoder {
             stream_ended: false,
             acknowledged: Acknowledged::default(),
             time: None,
+            state: State { update: 0, id: scene.id() },
             #[cfg(feature = "training")]
             learning: learn::Learning::default(),
         })
@@ -219,6 +238,23 @@ impl Encoder {
     /// The setup of the coder for a camera's difference pictures.
     pub(crate) fn residual_setup(&self) -> ResidualSetup {
         residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
+    }
+
+    /// Draws what was learnt, with the updates of an earlier dive for one, from the next frame on.
+    ///
+    /// # Errors
+    /// If the scene was not [uploaded for updates](Engine::upload_for_updates), or the updates are of another prior.
+    pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
+        self.scene.check_learnt(learnt)?;
+        self.scene.set_learnt(learnt, &[])?;
+        self.show(State::of(learnt));
+        Ok(())
+    }
+
+    /// Names a state in the packets from the next one on. The next one names it in full, and is predicted from none.
+    fn show(&mut self, state: State) {
+        self.state = state;
+        (self.full_due, self.stream_ended) = (true, true);
     }
 
     /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
@@ -362,9 +398,11 @@ impl Encoder {
         work.pose = pose.dequantise(&self.scene.coordinate_frame());
         let latent = Latent {
             portable: self.engine.device().portable,
-            ..Latent::new(self.frame, self.scene.id(), &self.camera, pose, !found.certain)?
+            ..Latent::new(self.frame, self.state.id, &self.camera, pose, !found.certain)?
         };
-        let latent = if short { latent.shortened(self.scene.id(), &self.camera)? } else { latent };
+        let latent = if short { latent.shortened(self.state.id, &self.camera)? } else { latent };
+        let update = self.state.update;
+        let latent = if update > 0 { latent.with_update(update) } else { latent };
         work.latent = Some(latent);
         work.camera = camera;
         work.rate = self.options.rate;
@@ -492,7 +530,8 @@ impl Encoder {
     pub fn extra_bytes(&self) -> usize {
         let part = |due, len| if due { len } else { 0 };
         let full = !self.short_next();
-        let latent = Latent::full_len(self.options.profile) - SHORT_LATENT_LEN + LONGER_CHECK;
+        let steady = if self.state.update > 0 { LEARNT_SHORT_LEN } else { SHORT_LATENT_LEN };
+        let latent = Latent::full_len(self.options.profile) - steady + LONGER_CHECK;
         part(full, latent)
             + part(self.camera_due(), CAMERA_PART_LEN)
             + part(self.check_due(), RENDER_PART_LEN)

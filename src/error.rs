@@ -59,8 +59,11 @@ pub enum Error {
     FrameTime { frame: u32, time: f64 },
     #[error("frame {frame}: its time, {time} s, lies before that of an earlier frame, {before} s")]
     FrameTimeBack { frame: u32, time: f64, before: f64 },
-    #[error("a scene without room for updates: upload the prior with `upload_for_updates`")]
-    NoRoomForUpdates,
+    #[error(
+        "a frame drawn with update {update} (modulo 256), which this side does not hold: get the \
+         vehicle's updates; the render without it is shown"
+    )]
+    UpdateMissing { update: u8 },
     #[error(transparent)]
     Update(#[from] crate::prior::UpdateError),
     #[error("prior {found} in place of {expected}")]

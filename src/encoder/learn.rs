@@ -5,7 +5,7 @@ use crate::learning::{Found, LearnOptions, Learner, LearnerStats};
 use crate::prior::Learnt;
 use crate::{Error, Picture};
 
-use super::Encoder;
+use super::{Encoder, State};
 
 /// A learner, and what it has to tell.
 #[derive(Default)]
@@ -23,17 +23,13 @@ impl Encoder {
     /// If the scene was not [uploaded for updates](crate::Engine::upload_for_updates), if `learnt` is of another prior,
     /// or if the device has no room.
     pub fn learn(&mut self, learnt: Option<Learnt>, options: &LearnOptions) -> Result<(), Error> {
-        if !self.scene.takes_updates() {
-            return Err(Error::NoRoomForUpdates);
-        }
         let learnt = learnt.unwrap_or_else(|| Learnt::none(self.scene.id()));
-        let (expected, found) = (self.scene.id(), learnt.prior());
-        if expected != found {
-            return Err(Error::PriorChanged { expected, found });
-        }
+        self.scene.check_learnt(&learnt)?;
+        let state = State::of(&learnt);
         let learner = self.learner(learnt, options)?;
         self.learning =
             Learning { learner: Some((learner, options.clone())), ..Learning::default() };
+        self.show(state);
         Ok(())
     }
 
@@ -78,9 +74,9 @@ impl Encoder {
         };
         match learner.frame(&found) {
             Ok(update) => {
-                // The next packet tells the new state in full, and its frame is predicted from none.
+                let state = State::of(learner.learnt());
                 if update.is_some() {
-                    (self.full_due, self.stream_ended) = (true, true);
+                    self.show(state);
                 }
                 self.learning.update = update;
             }

@@ -54,7 +54,9 @@ pub enum PacketError {
     TooShort { part: Part, needed: usize, found: usize },
     #[error("not a packet: first byte {0:#04x}")]
     Magic(u8),
-    #[error("packet of version {0}, this side knows 1 and 2, in the short form 4 and 7")]
+    #[error(
+        "packet of version {0}, this side knows 1 and 2, in the short form 4 and 7, with updates 8, 11, 13 and 14"
+    )]
     Version(u8),
     #[error("{0}: damaged, its check does not match")]
     Check(Part),

@@ -37,6 +37,7 @@ impl Extent {
         let mut reader = Reader::new(start, Part::Latent, 5)?;
         let [_, flags] = reader.take();
         let frames = form.frames();
+        // The low bytes come first in all forms.
         let frame = from_u24(reader.take()) % frames;
         let follows = Follows::of_flags(flags);
         let camera = if follows.camera { CAMERA_PART_LEN } else { 0 };

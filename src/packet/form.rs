@@ -1,4 +1,4 @@
-//! The two forms of a latent part, and their lengths.
+//! The forms of a latent part, and their lengths.
 
 use super::pose::{PoseProfile, SHORT_LEN};
 
@@ -6,32 +6,34 @@ use super::pose::{PoseProfile, SHORT_LEN};
 pub(super) const FIXED_LEN: usize = 15;
 /// Bytes of the short form.
 pub(super) const SHORT_LATENT_LEN: usize = 7 + SHORT_LEN;
+/// Bytes of the short form of a frame that is drawn with updates.
+pub(super) const LEARNT_SHORT_LEN: usize = SHORT_LATENT_LEN + 1;
 /// Frame numbers are sent modulo this.
 pub(super) const FRAMES: u32 = 1 << 24;
-/// In the short form, modulo this.
+/// In the short form, and if the frame is drawn with updates, modulo this.
 pub(super) const SHORT_FRAMES: u32 = 1 << 16;
 
 /// What the first two bytes say of the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Form {
-    Full(PoseProfile),
-    Short,
+pub(super) struct Form {
+    /// The profile of the full form; `None`: the short form.
+    pub full: Option<PoseProfile>,
+    /// The frame is drawn with updates.
+    pub learnt: bool,
 }
 
 impl Form {
     /// Length of the part, bytes.
     pub(super) fn latent_len(self) -> usize {
-        match self {
-            Form::Full(profile) => FIXED_LEN + profile.encoded_len(),
-            Form::Short => SHORT_LATENT_LEN,
+        match (self.full, self.learnt) {
+            (Some(profile), _) => FIXED_LEN + profile.encoded_len(),
+            (None, false) => SHORT_LATENT_LEN,
+            (None, true) => LEARNT_SHORT_LEN,
         }
     }
 
     /// Frame numbers are sent modulo this.
     pub(super) fn frames(self) -> u32 {
-        match self {
-            Form::Full(_) => FRAMES,
-            Form::Short => SHORT_FRAMES,
-        }
+        if self.full.is_some() && !self.learnt { FRAMES } else { SHORT_FRAMES }
     }
 }

@@ -6,7 +6,7 @@ use crate::prior::PriorId;
 use super::bytes::{Reader, crc16, from_u24, to_u24};
 use super::camera_tag::size_bytes;
 use super::error::{PacketError, Part};
-use super::form::{FRAMES, Form, SHORT_FRAMES, SHORT_LATENT_LEN};
+use super::form::{FRAMES, Form, LEARNT_SHORT_LEN, SHORT_FRAMES, SHORT_LATENT_LEN};
 use super::pose::{PoseProfile, QuantisedPose};
 use super::residual::Check;
 use super::session::Session;
@@ -17,10 +17,18 @@ const MAGIC: u8 = 0xB;
 const VERSION: u8 = 1;
 /// Version of the full form if the encoder's device is not portable. The layout is the same.
 const VERSION_NOT_PORTABLE: u8 = 2;
-/// The two versions of the short form. Any two of the four versions differ in two bits or more, and no flags of the
+/// The two versions of the short form. Any two of these versions differ in two bits or more, and no flags of the
 /// full form are flags of the short one. So only three flipped bits make one form read as the other.
 const VERSION_SHORT: u8 = 4;
 const VERSION_SHORT_NOT_PORTABLE: u8 = 7;
+/// The versions of frames that are drawn with updates, in the same order. They differ from those and from each other in
+/// two bits or more, too.
+const VERSION_LEARNT: u8 = 8;
+const VERSION_LEARNT_NOT_PORTABLE: u8 = 11;
+const VERSION_LEARNT_SHORT: u8 = 13;
+const VERSION_LEARNT_SHORT_NOT_PORTABLE: u8 = 14;
+/// Versions of portable devices.
+const PORTABLE: [u8; 4] = [VERSION, VERSION_SHORT, VERSION_LEARNT, VERSION_LEARNT_SHORT];
 const FLAG_UNCERTAIN: u8 = 1 << 2;
 const FLAG_CAMERA: u8 = 1 << 3;
 const FLAG_RENDER: u8 = 1 << 7;
@@ -28,10 +36,12 @@ const FLAG_RENDER: u8 = 1 << 7;
 /// What a packet says first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Latent {
-    /// Frame number; its low 24 bits travel, in the short form 16.
+    /// Frame number; its low 24 bits travel, in the short form and with updates 16.
     pub frame: u32,
-    /// The prior and the camera to render with.
+    /// The prior, or the state after its updates, and the camera to render with.
     pub session: Session,
+    /// The number of the last update that the frame is drawn with, modulo 256; `None`: it is drawn with none.
+    pub update: Option<u8>,
     /// The pose to render at.
     pub pose: QuantisedPose,
     /// The pose is not certain: the picture does not confirm it.
@@ -72,7 +82,13 @@ impl Latent {
         uncertain: bool,
     ) -> Result<Latent, PacketError> {
         let (frame, session) = (frame % Self::FRAMES, Session::stated(prior, camera)?);
-        Ok(Latent { frame, session, pose, uncertain, portable: true })
+        Ok(Latent { frame, session, update: None, pose, uncertain, portable: true })
+    }
+
+    /// Says that the frame is drawn with updates. Its session is then of the state after them, as if that were the
+    /// prior.
+    pub fn with_update(self, number: u16) -> Latent {
+        Latent { frame: self.frame % Self::SHORT_FRAMES, update: Some(number as u8), ..self }
     }
 
     /// Gives it the short form, for a topside that knows prior and camera. Unchanged if the short form cannot hold the
@@ -89,9 +105,9 @@ impl Latent {
     /// end in them, this is the one nearest to `last`, the number of a packet read before. If
     /// `last` is `None`, it is the 16 bits. It is right unless 32,768 packets in a row are missing.
     pub fn frame_near(&self, last: Option<u32>) -> u32 {
-        match self.session {
-            Session::Stated { .. } => self.frame,
-            Session::Tagged(_) => nearest_frame(self.frame, Self::SHORT_FRAMES, last),
+        match self.form().frames() {
+            Self::FRAMES => self.frame,
+            frames => nearest_frame(self.frame, frames, last),
         }
     }
 
@@ -113,24 +129,30 @@ impl Latent {
 
     /// Version of the wire format, as the first byte states it.
     pub fn version(&self) -> u8 {
-        match (self.form(), self.portable) {
-            (Form::Full(_), true) => VERSION,
-            (Form::Full(_), false) => VERSION_NOT_PORTABLE,
-            (Form::Short, true) => VERSION_SHORT,
-            (Form::Short, false) => VERSION_SHORT_NOT_PORTABLE,
+        let Form { full, learnt } = self.form();
+        match (full.is_some(), learnt, self.portable) {
+            (true, false, true) => VERSION,
+            (true, false, false) => VERSION_NOT_PORTABLE,
+            (false, false, true) => VERSION_SHORT,
+            (false, false, false) => VERSION_SHORT_NOT_PORTABLE,
+            (true, true, true) => VERSION_LEARNT,
+            (true, true, false) => VERSION_LEARNT_NOT_PORTABLE,
+            (false, true, true) => VERSION_LEARNT_SHORT,
+            (false, true, false) => VERSION_LEARNT_SHORT_NOT_PORTABLE,
         }
     }
 
     /// Whether it is written in the short form.
     pub fn is_short(&self) -> bool {
-        self.form() == Form::Short
+        self.form().full.is_none()
     }
 
     pub(super) fn form(&self) -> Form {
-        match self.session {
-            Session::Stated { .. } => Form::Full(self.pose.profile()),
-            Session::Tagged(_) => Form::Short,
-        }
+        let full = match self.session {
+            Session::Stated { .. } => Some(self.pose.profile()),
+            Session::Tagged(_) => None,
+        };
+        Form { full, learnt: self.update.is_some() }
     }
 
     /// Bytes by which the residual part's check is shorter than [`residual_part_len`] says.
@@ -147,16 +169,12 @@ impl Latent {
 
     /// Length of the full form, bytes.
     pub fn full_len(profile: PoseProfile) -> usize {
-        Form::Full(profile).latent_len()
+        Form { full: Some(profile), learnt: false }.latent_len()
     }
 
     /// Writes the part at the start of an empty packet.
     pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
-        let form = self.form();
-        let profile = match form {
-            Form::Full(profile) => profile,
-            Form::Short => PoseProfile::Short,
-        };
+        let profile = self.form().full.unwrap_or(PoseProfile::Short);
         let flags = profile.code()
             | if self.uncertain { FLAG_UNCERTAIN } else { 0 }
             | if follows.camera { FLAG_CAMERA } else { 0 }
@@ -165,7 +183,7 @@ impl Latent {
         bytes.extend_from_slice(&[MAGIC << 4 | self.version(), flags]);
         match self.session {
             Session::Stated { prior, width, height, camera_tag } => {
-                bytes.extend_from_slice(&to_u24(self.frame));
+                self.write_frame(bytes);
                 bytes.extend_from_slice(&prior.to_bytes());
                 bytes.extend_from_slice(&size_bytes(width, height)?);
                 self.pose.write(bytes);
@@ -175,7 +193,7 @@ impl Latent {
                 if follows.camera {
                     return Err(PacketError::ShortCamera);
                 }
-                bytes.extend_from_slice(&(self.frame as u16).to_le_bytes());
+                self.write_frame(bytes);
                 bytes.push(tag);
                 self.pose.write_short(bytes).ok_or(PacketError::ShortPose)?;
             }
@@ -185,26 +203,40 @@ impl Latent {
         Ok(())
     }
 
+    /// The frame number, and that of the update.
+    fn write_frame(&self, bytes: &mut Vec<u8>) {
+        match (self.form().frames(), self.update) {
+            (FRAMES, _) => bytes.extend_from_slice(&to_u24(self.frame)),
+            (_, update) => {
+                bytes.extend_from_slice(&(self.frame as u16).to_le_bytes());
+                bytes.extend(update);
+            }
+        }
+    }
+
     /// The latent part, what follows, and the bytes after it.
     pub(super) fn read(bytes: &[u8]) -> Result<(Latent, Follows, &[u8]), PacketError> {
         let form = check_start(bytes)?;
         let len = form.latent_len();
         let mut reader = Reader::new(bytes, Part::Latent, len)?;
         let [first, flags] = reader.take();
-        let (frame, session, pose) = match form {
-            Form::Full(profile) => {
-                let frame = from_u24(reader.take());
+        let frame = match form.frames() {
+            FRAMES => from_u24(reader.take()),
+            _ => u16::from_le_bytes(reader.take()).into(),
+        };
+        let update = form.learnt.then(|| reader.take()).map(|[number]| number);
+        let (session, pose) = match form.full {
+            Some(profile) => {
                 let prior = PriorId::from_bytes(reader.take());
                 let size = from_u24(reader.take());
                 let pose = QuantisedPose::read(&mut reader, profile);
                 let [camera_tag] = reader.take();
                 let (width, height) = ((size & 0xFFF) + 1, (size >> 12) + 1);
-                (frame, Session::Stated { prior, width, height, camera_tag }, pose)
+                (Session::Stated { prior, width, height, camera_tag }, pose)
             }
-            Form::Short => {
-                let frame = u16::from_le_bytes(reader.take()).into();
+            None => {
                 let [tag] = reader.take();
-                (frame, Session::Tagged(tag), QuantisedPose::read_short(&mut reader))
+                (Session::Tagged(tag), QuantisedPose::read_short(&mut reader))
             }
         };
         let check = crc16(&[reader.taken()]);
@@ -214,9 +246,10 @@ impl Latent {
         let latent = Latent {
             frame,
             session,
+            update,
             pose: pose?,
             uncertain: flags & FLAG_UNCERTAIN != 0,
-            portable: [VERSION, VERSION_SHORT].contains(&(first & 0xF)),
+            portable: PORTABLE.contains(&(first & 0xF)),
         };
         Ok((latent, Follows::of_flags(flags), &bytes[len..]))
     }
@@ -229,20 +262,25 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
     }
     let [first, flags] = Reader::new(bytes, Part::Latent, SHORT_LATENT_LEN)?.take();
     let code = flags & 0b11;
-    match first & 0xF {
-        VERSION | VERSION_NOT_PORTABLE => {
-            let shortest = Form::Full(PoseProfile::Compact).latent_len();
+    let version = first & 0xF;
+    let learnt = version >= VERSION_LEARNT;
+    match version {
+        VERSION | VERSION_NOT_PORTABLE | VERSION_LEARNT | VERSION_LEARNT_NOT_PORTABLE => {
+            let shortest = Form { full: Some(PoseProfile::Compact), learnt }.latent_len();
             Reader::new(bytes, Part::Latent, shortest)?;
-            PoseProfile::of_code(code).map(Form::Full)
+            PoseProfile::of_code(code).map(|profile| Form { full: Some(profile), learnt })
         }
-        VERSION_SHORT | VERSION_SHORT_NOT_PORTABLE => {
+        VERSION_SHORT
+        | VERSION_SHORT_NOT_PORTABLE
+        | VERSION_LEARNT_SHORT
+        | VERSION_LEARNT_SHORT_NOT_PORTABLE => {
             if code != PoseProfile::Short.code() {
                 return Err(PacketError::Profile(code));
             }
             if flags & FLAG_CAMERA != 0 {
                 return Err(PacketError::ShortCamera);
             }
-            Ok(Form::Short)
+            Ok(Form { full: None, learnt })
         }
         // Garbage begins so, too: a newer packet is one whose check matches where later versions promise it.
         version if is_later(bytes) => Err(PacketError::Version(version)),
@@ -252,9 +290,10 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
 
 /// Whether a check matches at one of the places where later versions keep it.
 fn is_later(bytes: &[u8]) -> bool {
-    let forms = [Form::Short, Form::Full(PoseProfile::Compact), Form::Full(PoseProfile::Paper)];
-    forms.into_iter().any(|form| {
-        let part = bytes.get(..form.latent_len()).and_then(|part| part.split_last_chunk());
+    let full = [PoseProfile::Compact, PoseProfile::Paper].map(Latent::full_len);
+    let lengths = [SHORT_LATENT_LEN, LEARNT_SHORT_LEN, full[0], full[1]];
+    lengths.into_iter().any(|length| {
+        let part = bytes.get(..length).and_then(|part| part.split_last_chunk());
         part.is_some_and(|(part, check)| crc16(&[part]) == u16::from_le_bytes(*check))
     })
 }

@@ -39,6 +39,13 @@
 //! | 5–16 | pose: short, 12 bytes; see [`mod@pose`] |
 //! | 17–18 | CRC-16/IBM-3740 of all bytes before |
 //!
+//! A frame that is drawn with [updates](crate::prior::Update) of the prior has versions 8 and 11 in the full form, 13
+//! and 14 in the short one; the second of each is of devices that are not portable. Bytes 2–3 are then the frame number
+//! modulo 2¹⁶ in both forms. Byte 4 is the number of the newest update, modulo 256. The rest follows: in the full form
+//! the [`StateId`](crate::prior::StateId) after that update in place of the prior id, in the short form the
+//! [`session_tag`] of that state and the camera. So the full form has as many bytes as without updates, and the short
+//! form one more, 20.
+//!
 //! | bytes | camera part |
 //! |---|---|
 //! | 16 | fx, fy, cx, cy as f32 |
@@ -75,7 +82,7 @@
 //! another frame. Bytes after the last part are ignored: modems pad.
 //!
 //! **Later versions** keep the first byte's high four bits, and end their latent part with the CRC-16 of all bytes
-//! before it, after 19, 31 or 43 bytes. So a packet of a later version is told from garbage ([`PacketError::Version`]),
+//! before it, after 19, 20, 31 or 43 bytes. So a packet of a later version is told from garbage ([`PacketError::Version`]),
 //! by a check that one random packet in 21,845 of such a first byte passes.
 //!
 //! A decoder cannot use a packet if it holds no camera with the packet's tag. It must not use a
@@ -139,6 +146,9 @@ pub const LONGEST_LATENT: usize = form::FIXED_LEN + pose::LONGEST;
 
 /// Length of the latent part in the short form, bytes.
 pub const SHORT_LATENT_LEN: usize = form::SHORT_LATENT_LEN;
+
+/// The same of a frame that is drawn with updates, bytes.
+pub const LEARNT_SHORT_LEN: usize = form::LEARNT_SHORT_LEN;
 
 /// Length of the camera part, bytes.
 pub const CAMERA_PART_LEN: usize = camera::LEN;

@@ -16,9 +16,9 @@ pub(super) enum Check {
 
 impl Check {
     pub(super) fn of(form: Form) -> Check {
-        match form {
-            Form::Full(_) => Check::Crc32,
-            Form::Short => Check::Crc16,
+        match form.full {
+            Some(_) => Check::Crc32,
+            None => Check::Crc16,
         }
     }
 

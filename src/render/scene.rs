@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
-use crate::prior::{CoordinateFrame, KeyFrames, Learnt, LearntSplat, Splats};
+use crate::prior::{CoordinateFrame, KeyFrames, Learnt, LearntSplat, Splats, UpdateError};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
@@ -115,6 +115,15 @@ impl Scene {
             preprocessing: *prior.preprocessing(),
             learnt_room,
         })
+    }
+
+    /// Checks that it can draw what is learnt.
+    pub(crate) fn check_learnt(&self, learnt: &Learnt) -> Result<(), UpdateError> {
+        if !self.takes_updates() {
+            return Err(UpdateError::NoRoom);
+        }
+        let (stated, prior) = (learnt.prior(), self.id);
+        if stated != prior { Err(UpdateError::Foreign { stated, prior }) } else { Ok(()) }
     }
 
     /// Draws what is learnt too, from the next frame on, and the splats that a learner tries. Call it between frames;

@@ -38,6 +38,8 @@ pub enum UpdateError {
          take the updates of one dive"
     )]
     OtherChain { number: u16, before: StateId, state: StateId },
+    #[error("a scene without room for updates: upload the prior with `upload_for_updates`")]
+    NoRoom,
     #[error("takes back splat {ordinal} of {learnt} learnt ones; it belongs to other updates")]
     NotLearnt { ordinal: u16, learnt: usize },
     #[error("{count} learnt splats: at most {}; take back some before", MAX_LEARNT)]

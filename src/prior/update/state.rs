@@ -17,6 +17,13 @@ impl From<PriorId> for StateId {
     }
 }
 
+/// Packets name a state where they name a prior.
+impl From<StateId> for PriorId {
+    fn from(state: StateId) -> PriorId {
+        PriorId(state.0)
+    }
+}
+
 impl fmt::Display for StateId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:08x}", self.0)

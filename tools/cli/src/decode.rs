@@ -29,6 +29,10 @@ pub struct Args {
     /// The packets come from `nvsprior join`: of those that are not complete, show what came
     #[arg(long)]
     joined: bool,
+    /// Folder with updates of the prior, NAME.nvsu, as `encode --learn` writes them; each is taken after packet
+    /// NAME.nvsp [default: the packets' folder]
+    #[arg(long, value_name = "DIR")]
+    updates: Option<PathBuf>,
     /// Cameras that may have been sent in packets that did not arrive
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -43,7 +47,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = values::files(&args.packets, "nvsp", "packets")?;
     values::make_folder("--frames", &args.frames)?;
     let engine = args.device.open()?;
-    let scene = args.prior.upload(&engine)?;
+    let updates = Updates::of(args, &packets);
+    let scene = match updates.is_empty() {
+        true => args.prior.upload(&engine)?,
+        false => engine.upload_for_updates(&args.prior.open()?)?,
+    };
     let mut decoder = Decoder::new(&engine, &scene);
     if let Some(path) = &args.cameras {
         let size = args.width.map_or_else(SizeArgs::default, SizeArgs::of);
@@ -55,10 +63,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     let bar = progress(packets.len(), "decoding");
-    let (mut failed, mut foreign, mut other) = (0, 0, 0);
+    let (mut failed, mut foreign, mut other, mut missing) = (0, 0, 0, 0);
     for path in &packets {
         match decode(&mut decoder, path, args) {
-            Ok(decoded) => other += usize::from(decoded.same_render == Some(false)),
+            Ok(decoded) => {
+                other += usize::from(decoded.same_render == Some(false));
+                missing += usize::from(decoded.missing_update.is_some());
+            }
             Err(error) => {
                 if failed < NAMED {
                     bar.suspend(|| eprintln!("{}: {error:#}", path.display()));
@@ -66,6 +77,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 failed += 1;
                 foreign += usize::from(is_foreign(&error));
             }
+        }
+        if let Err(error) = updates.take(&mut decoder, path) {
+            bar.suspend(|| eprintln!("{error:#}"));
         }
         bar.inc(1);
     }
@@ -80,9 +94,43 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if other > 0 {
         println!("{other} renders are not the vehicle's: its device or driver rounds differently");
     }
+    if missing > 0 {
+        println!(
+            "{missing} pictures are renders without an update that the vehicle drew them with"
+        );
+    }
     args.device.check(&engine)?;
     anyhow::ensure!(failed == 0, "{failed} of {} packets could not be decoded", packets.len());
     Ok(())
+}
+
+/// The updates of a run: their folder, and the names that are there.
+struct Updates(Vec<PathBuf>);
+
+impl Updates {
+    /// Those beside the packets, or in the folder that was given.
+    fn of(args: &Args, packets: &[PathBuf]) -> Updates {
+        let folder = args.updates.as_ref().unwrap_or(&args.packets);
+        let path = |packet: &PathBuf| {
+            let name = packet.with_extension("nvsu").file_name().map(|name| folder.join(name));
+            name.filter(|path| path.exists())
+        };
+        Updates(packets.iter().filter_map(path).collect())
+    }
+
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Gives the decoder the update that was sent after a packet, if there is one.
+    fn take(&self, decoder: &mut Decoder, packet: &Path) -> anyhow::Result<()> {
+        let stem = packet.file_stem();
+        let Some(path) = self.0.iter().find(|path| path.file_stem() == stem) else { return Ok(()) };
+        let named = || path.display().to_string();
+        let bytes = std::fs::read(path).with_context(named)?;
+        decoder.add_update(&bytes).with_context(named)?;
+        Ok(())
+    }
 }
 
 /// Packets that are named if they cannot be decoded.
