@@ -172,7 +172,6 @@ impl Decoder {
             return Err(Error::PriorChanged { expected, found });
         }
         (self.engine, self.scene, self.camera_decoder) = (engine.clone(), scene.clone(), None);
-        self.states.forget_shown();
         Ok(())
     }
 
@@ -267,7 +266,7 @@ impl Decoder {
         let state = self.state_of(&latent);
         let shown = state.unwrap_or(self.states.newest());
         let missing = state.is_none().then_some(latent.update).flatten();
-        self.states.show(&self.scene, shown)?;
+        self.scene.show(self.states.learnt(shown))?;
         let view = match missing {
             // The camera that drew last is the best guess: without the state the tag tells nothing.
             Some(update) => self.camera_decoder.as_mut().ok_or(Error::UpdateMissing { update })?,
@@ -305,6 +304,7 @@ impl Decoder {
     /// is for frames whose packets are missing: see [`Pose::between`].
     pub fn draw(&mut self, pose: &Pose, picture: &mut Picture) -> Result<bool, Error> {
         let Some(view) = &mut self.camera_decoder else { return Ok(false) };
+        self.scene.show(self.states.learnt(self.states.newest()))?;
         picture.resize(view.camera.width, view.camera.height);
         view.renderer.picture(pose, picture)?;
         Ok(true)

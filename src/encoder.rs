@@ -20,7 +20,7 @@ use crate::residual::{
 use crate::tracking::{
     Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
 };
-use crate::{Camera, Encoded, Engine, Error, Picture, PriorId, Rate};
+use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
 
 /// How to encode.
 #[derive(Clone, Debug)]
@@ -113,24 +113,10 @@ pub struct Encoder {
     acknowledged: Acknowledged,
     /// The last time that a frame stated.
     time: Option<f64>,
-    state: State,
+    /// What the scene shows beside the prior.
+    learnt: Learnt,
     #[cfg(feature = "training")]
     learning: learn::Learning,
-}
-
-/// What the scene shows beside the prior, as packets name it.
-#[derive(Clone, Copy)]
-struct State {
-    /// Number of the newest update; 0: none.
-    update: u16,
-    /// The state after it, as the identity of a prior.
-    id: PriorId,
-}
-
-impl State {
-    fn of(learnt: &Learnt) -> State {
-        State { update: learnt.number(), id: learnt.state().into() }
-    }
 }
 
 impl Encoder {
@@ -170,7 +156,7 @@ impl Encoder {
             stream_ended: false,
             acknowledged: Acknowledged::default(),
             time: None,
-            state: State { update: 0, id: scene.id() },
+            learnt: Learnt::none(scene.id()),
             #[cfg(feature = "training")]
             learning: learn::Learning::default(),
         })
@@ -246,14 +232,14 @@ impl Encoder {
     /// If the scene was not [uploaded for updates](Engine::upload_for_updates), or the updates are of another prior.
     pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
         self.scene.check_learnt(learnt)?;
-        self.scene.set_learnt(learnt, &[])?;
-        self.show(State::of(learnt));
+        self.scene.show(learnt)?;
+        self.show(learnt.clone());
         Ok(())
     }
 
-    /// Names a state in the packets from the next one on. The next one names it in full, and is predicted from none.
-    fn show(&mut self, state: State) {
-        self.state = state;
+    /// Draws what is learnt from the next frame on. Its packet names the state in full, and is predicted from none.
+    fn show(&mut self, learnt: Learnt) {
+        self.learnt = learnt;
         (self.full_due, self.stream_ended) = (true, true);
     }
 
@@ -368,6 +354,8 @@ impl Encoder {
         self.check_frame(&work.frame)?;
         let info = work.info;
         self.check_info(&info)?;
+        // Another encoder or decoder may share the scene.
+        self.scene.show(&self.learnt)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let short = self.short_next();
@@ -396,12 +384,13 @@ impl Encoder {
             mask.each_masked(&mut work.frame.data, as_render);
         }
         work.pose = pose.dequantise(&self.scene.coordinate_frame());
+        let state = self.learnt.state().into();
         let latent = Latent {
             portable: self.engine.device().portable,
-            ..Latent::new(self.frame, self.state.id, &self.camera, pose, !found.certain)?
+            ..Latent::new(self.frame, state, &self.camera, pose, !found.certain)?
         };
-        let latent = if short { latent.shortened(self.state.id, &self.camera)? } else { latent };
-        let update = self.state.update;
+        let latent = if short { latent.shortened(state, &self.camera)? } else { latent };
+        let update = self.learnt.number();
         let latent = if update > 0 { latent.with_update(update) } else { latent };
         work.latent = Some(latent);
         work.camera = camera;
@@ -530,7 +519,7 @@ impl Encoder {
     pub fn extra_bytes(&self) -> usize {
         let part = |due, len| if due { len } else { 0 };
         let full = !self.short_next();
-        let steady = if self.state.update > 0 { LEARNT_SHORT_LEN } else { SHORT_LATENT_LEN };
+        let steady = if self.learnt.number() > 0 { LEARNT_SHORT_LEN } else { SHORT_LATENT_LEN };
         let latent = Latent::full_len(self.options.profile) - steady + LONGER_CHECK;
         part(full, latent)
             + part(self.camera_due(), CAMERA_PART_LEN)

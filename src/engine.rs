@@ -64,7 +64,7 @@ impl Engine {
     }
 
     /// As [`Engine::upload`], with room for what is learnt while diving: 4,096 splats. Such a scene changes with the
-    /// updates of the encoder or the decoder that it is given to. So give it to one of them only.
+    /// updates of those that draw it. So let the encoders and decoders that share it work in turn, not at once.
     pub fn upload_for_updates(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         self.upload_analysed(prior, PriorAnalysis::of(prior), true)
     }

@@ -14,13 +14,11 @@ const HELD: usize = 8;
 pub(super) struct States {
     /// The prior alone, then the newest states in their order.
     held: Vec<Learnt>,
-    /// Which of them the scene shows; `None`: it is not known.
-    shown: Option<usize>,
 }
 
 impl States {
     pub fn new(scene: &Scene) -> States {
-        States { held: vec![Learnt::none(scene.id())], shown: Some(0) }
+        States { held: vec![Learnt::none(scene.id())] }
     }
 
     /// The newest one.
@@ -44,10 +42,6 @@ impl States {
     pub fn push(&mut self, learnt: Learnt) {
         if self.held.len() > HELD {
             self.held.remove(1);
-            self.shown = match self.shown {
-                Some(1) => None,
-                shown => shown.map(|index| index - usize::from(index > 0)),
-            };
         }
         self.held.push(learnt);
     }
@@ -60,20 +54,5 @@ impl States {
                 && latent.session.check(learnt.state().into(), camera).is_ok()
         };
         self.held.iter().rposition(named)
-    }
-
-    /// Has the scene show a state.
-    pub fn show(&mut self, scene: &Scene, index: usize) -> Result<(), Error> {
-        if self.shown != Some(index) {
-            self.shown = None;
-            scene.set_learnt(&self.held[index], &[])?;
-            self.shown = Some(index);
-        }
-        Ok(())
-    }
-
-    /// The scene is another one.
-    pub fn forget_shown(&mut self) {
-        self.shown = None;
     }
 }

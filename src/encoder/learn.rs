@@ -5,7 +5,7 @@ use crate::learning::{Found, LearnOptions, Learner, LearnerStats};
 use crate::prior::Learnt;
 use crate::{Error, Picture};
 
-use super::{Encoder, State};
+use super::Encoder;
 
 /// A learner, and what it has to tell.
 #[derive(Default)]
@@ -25,16 +25,15 @@ impl Encoder {
     pub fn learn(&mut self, learnt: Option<Learnt>, options: &LearnOptions) -> Result<(), Error> {
         let learnt = learnt.unwrap_or_else(|| Learnt::none(self.scene.id()));
         self.scene.check_learnt(&learnt)?;
-        let state = State::of(&learnt);
-        let learner = self.learner(learnt, options)?;
+        let learner = self.learner(learnt.clone(), options)?;
         self.learning =
             Learning { learner: Some((learner, options.clone())), ..Learning::default() };
-        self.show(state);
+        self.show(learnt);
         Ok(())
     }
 
     fn learner(&self, learnt: Learnt, options: &LearnOptions) -> Result<Learner, Error> {
-        self.scene.set_learnt(&learnt, &[])?;
+        self.scene.show(&learnt)?;
         let setup = self.residual_setup();
         Learner::new(&self.engine, &self.scene, &self.camera, &setup, learnt, options)
     }
@@ -74,9 +73,9 @@ impl Encoder {
         };
         match learner.frame(&found) {
             Ok(update) => {
-                let state = State::of(learner.learnt());
-                if update.is_some() {
-                    self.show(state);
+                let learnt = update.is_some().then(|| learner.learnt().clone());
+                if let Some(learnt) = learnt {
+                    self.show(learnt);
                 }
                 self.learning.update = update;
             }

@@ -295,12 +295,12 @@ impl Learner {
 
     /// Draws all key frames with another state than the scene's.
     fn show_all(&mut self, learnt: &Learnt) -> Result<(), Error> {
-        self.scene.set_learnt(learnt, &[])?;
+        self.scene.try_out(learnt, &[])?;
         for index in 0..self.kept.len() {
             let pose = self.kept[index].frame.pose;
             self.kept[index].shown = Some(self.shown(&pose)?);
         }
-        self.scene.set_learnt(&self.learnt, &[]).map_err(Error::from)
+        self.scene.show(&self.learnt).map_err(Error::from)
     }
 
     /// The learnt splats beside which the newest key frames look more like the prior alone.
@@ -312,7 +312,7 @@ impl Learner {
         let mut harms = Harms::new(&splats);
         let none = Learnt::none(self.scene.id());
         let newest: Vec<usize> = (0..self.kept.len()).rev().take(COMPARED).collect();
-        self.scene.set_learnt(&none, &[])?;
+        self.scene.try_out(&none, &[])?;
         for index in newest {
             let pose = self.kept[index].frame.pose;
             let without = self.shown(&pose)?.render;
@@ -321,7 +321,7 @@ impl Learner {
                 harms.add(&kept.frame, &shown.render, &without);
             }
         }
-        self.scene.set_learnt(&self.learnt, &[])?;
+        self.scene.show(&self.learnt)?;
         Ok(harms.harmful())
     }
 
@@ -365,7 +365,7 @@ impl Learner {
 
     /// Takes some steps; `None`: nothing is left of the draft.
     fn refine(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
-        self.scene.set_learnt(&draft.base, &[])?;
+        self.scene.try_out(&draft.base, &[])?;
         for _ in 0..self.options.steps_per_frame {
             if draft.step >= draft.course.steps {
                 break;
@@ -376,7 +376,7 @@ impl Learner {
             self.trainer.step(&view, &draft.course.at(draft.step))?;
             draft.step += 1;
         }
-        self.scene.set_learnt(&self.learnt, &[])?;
+        self.scene.show(&self.learnt)?;
         if draft.step < draft.course.steps {
             return Ok(Some(draft));
         }
@@ -448,7 +448,7 @@ impl Learner {
             return Ok(None);
         }
         self.learnt.add(&trained.update)?;
-        self.scene.set_learnt(&self.learnt, &[])?;
+        self.scene.show(&self.learnt)?;
         self.kept.iter_mut().for_each(|kept| kept.shown = None);
         self.stats.updates += 1;
         self.stats.update_bytes += trained.bytes.len();
@@ -464,9 +464,9 @@ impl Learner {
         rate: Option<Rate>,
     ) -> Result<f64, Error> {
         let mut with = Picture::new(self.camera.width, self.camera.height);
-        self.scene.set_learnt(base, splats)?;
+        self.scene.try_out(base, splats)?;
         let drawn = self.renderer.picture(&held.frame.pose, &mut with);
-        self.scene.set_learnt(&self.learnt, &[])?;
+        self.scene.show(&self.learnt)?;
         drawn?;
         if let Some(mask) = &held.frame.mask {
             // What does not count shows the same in both, and costs nothing.

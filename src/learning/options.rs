@@ -30,7 +30,7 @@ impl Default for LearnOptions {
             fewest_frames: 6,
             parallax: 4.0,
             splats: 100,
-            horizon: 60,
+            horizon: 15,
             judged: 2,
         }
     }

@@ -166,6 +166,29 @@ fn the_latent_part_fits_the_smallest_modem_frame() {
 }
 
 #[test]
+fn a_frame_drawn_with_updates_names_the_newest() {
+    let full = latent(PoseProfile::Compact).with_update(0x1_02);
+    let short = latent(PoseProfile::Short).with_update(3);
+    assert_eq!((full.encoded_len(), short.encoded_len()), (31, LEARNT_SHORT_LEN));
+    assert_eq!((full.version(), short.version()), (8, 13));
+    for (latent, start) in [(full, "b8050403 02"), (short, "bd070403 03")] {
+        let packet = Packet { latent, camera: None, render: None, residual: Residual::None };
+        let bytes = packet.encode().unwrap();
+        assert_eq!(hex(&bytes[..5]), start.replace(' ', ""));
+        assert_eq!(Packet::decode(&bytes), Ok(packet));
+        let extent = Extent::read(&bytes).unwrap();
+        assert_eq!((extent.frame, extent.frames, extent.latent), (0x0304, 1 << 16, bytes.len()));
+        // Sixteen bits of the frame number travel.
+        assert_eq!(Latent::decode(&bytes).unwrap().frame_near(Some(0x02_0300)), 0x02_0304);
+        let other = Latent { portable: false, ..latent };
+        assert_eq!(other.version(), if latent.is_short() { 14 } else { 11 });
+    }
+    // Any two versions differ in two bits or more: one flipped bit makes no form read as another.
+    let versions: [u8; 8] = [1, 2, 4, 7, 8, 11, 13, 14];
+    assert!(versions.iter().all(|version| version.count_ones() % 2 == 1));
+}
+
+#[test]
 fn a_truncated_packet_still_yields_its_latent() {
     let packet = packet(PoseProfile::Compact, true, coded(&[7; 300]));
     let bytes = packet.encode().unwrap();
@@ -436,6 +459,7 @@ prop_compose! {
         (fx, cx) in (1e-3_f32..1e6, -1e5_f32..1e5),
         (frame, prior, uncertain) in (0..Latent::FRAMES, any::<u32>(), any::<bool>()),
         (with_camera, with_check, portable) in any::<(bool, bool, bool)>(),
+        update in any::<Option<u16>>(),
         residual in any_residual(),
     ) -> Packet<'static> {
         let camera = Camera { width, height, fx, fy: fx * 1.01, cx, cy: -cx };
@@ -447,6 +471,7 @@ prop_compose! {
             PoseProfile::Short => latent.shortened(PriorId(prior), &camera).unwrap(),
             _ => latent,
         };
+        let latent = update.map_or(latent, |number| latent.with_update(number));
         let camera = (with_camera && !latent.is_short()).then_some(camera);
         Packet { latent, camera, render, residual }
     }
@@ -472,7 +497,7 @@ proptest! {
     #[test]
     fn arbitrary_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..120)) {
         let _ = Packet::salvage(&bytes);
-        for version in [0xB1, 0xB4, 0xB7] {
+        for version in [0xB1, 0xB4, 0xB7, 0xB8, 0xBB, 0xBD, 0xBE] {
             let start = [version, bytes.first().copied().unwrap_or(0)];
             let bytes = [&start, &bytes[..]].concat();
             let (salvage, parsed) = (Packet::salvage(&bytes), Parsed::of(&bytes));

@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::Prior;
 use crate::prior::Splats;
 use crate::prior::analysis::PriorAnalysis;
-use crate::prior::update::{Learnt, LearntSplat, MAX_LEARNT, append};
+use crate::prior::update::{Learnt, LearntSplat, MAX_LEARNT, StateId, append};
 use crate::shared::{GEOMETRY_PLANES, sh_planes};
 use crate::vulkan::{Buffer, Device, Error, Memory, Part, Recorder, Timing};
 
@@ -44,6 +44,8 @@ struct Written {
     sh: Buffer,
     opacities: Buffer,
     faded: bool,
+    /// What the planes hold; `None`: something that has no name.
+    state: Option<StateId>,
 }
 
 impl LearntRoom {
@@ -74,6 +76,7 @@ impl LearntRoom {
                 sh: upload("learnt spherical harmonics", tail(sh_planes(analysis.sh_degree)))?,
                 opacities: upload("opacities", 2 * own)?,
                 faded: false,
+                state: Some(prior.id().into()),
             }),
         })
     }
@@ -84,24 +87,47 @@ impl LearntRoom {
         self.own + learnt as u32
     }
 
-    /// Replaces what is learnt, and the splats that are tried. Call it between two frames. Returns after the device has
-    /// it.
+    /// Replaces what is learnt, unless the planes hold it already. Call it between two frames. Returns after the device
+    /// has it.
+    pub fn show(&self, splats: &SplatBuffers, learnt: &Learnt) -> Result<(), Error> {
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        if written.state != Some(learnt.state()) {
+            self.write(&mut written, splats, learnt, &[])?;
+            written.state = Some(learnt.state());
+        }
+        Ok(())
+    }
+
+    /// Replaces what is learnt by something that no state names, with the splats that are tried. Call it between two
+    /// frames. Returns after the device has it.
     ///
     /// # Panics
     /// If there are more than there is room for.
-    pub fn write(
+    #[cfg(feature = "training")]
+    pub fn try_out(
         &self,
         splats: &SplatBuffers,
         learnt: &Learnt,
         tried: &[LearntSplat],
     ) -> Result<(), Error> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        self.write(&mut written, splats, learnt, tried)
+    }
+
+    fn write(
+        &self,
+        written: &mut Written,
+        splats: &SplatBuffers,
+        learnt: &Learnt,
+        tried: &[LearntSplat],
+    ) -> Result<(), Error> {
+        written.state = None;
         let all: Vec<LearntSplat> = learnt.splats().iter().chain(tried).copied().collect();
         assert!(all.len() <= ROOM, "room for learnt splats");
         let mut recorder = Recorder::new(&self.device, Timing::None)?;
-        self.write_tail(&mut recorder, &mut written, splats, &all);
+        self.write_tail(&mut recorder, written, splats, &all);
         if learnt.fades() > 0 || written.faded {
-            self.write_opacities(&mut recorder, &mut written, splats, learnt);
+            self.write_opacities(&mut recorder, written, splats, learnt);
         }
         recorder.barrier("learnt");
         recorder.finish()?.run()?;

@@ -126,13 +126,17 @@ impl Scene {
         if stated != prior { Err(UpdateError::Foreign { stated, prior }) } else { Ok(()) }
     }
 
-    /// Draws what is learnt too, from the next frame on, and the splats that a learner tries. Call it between frames;
-    /// the scene must have been uploaded for updates, and belong to one encoder or one decoder.
-    pub(crate) fn set_learnt(&self, learnt: &Learnt, tried: &[LearntSplat]) -> Result<(), Error> {
-        match &self.learnt_room {
-            Some(room) => room.write(&self.splats, learnt, tried),
-            None => Ok(()),
-        }
+    /// Draws what is learnt too, from the next frame on. Call it between frames. Nothing is done if the scene was not
+    /// uploaded for updates.
+    pub(crate) fn show(&self, learnt: &Learnt) -> Result<(), Error> {
+        self.learnt_room.as_ref().map_or(Ok(()), |room| room.show(&self.splats, learnt))
+    }
+
+    /// As [`Scene::show`], with a part of what is learnt, and with splats that a learner tries.
+    #[cfg(feature = "training")]
+    pub(crate) fn try_out(&self, learnt: &Learnt, tried: &[LearntSplat]) -> Result<(), Error> {
+        let write = |room: &LearntRoom| room.try_out(&self.splats, learnt, tried);
+        self.learnt_room.as_ref().map_or(Ok(()), write)
     }
 
     /// Where the splats that a learner trains begin in the planes, behind so many learnt ones; `None`: there is no room.
