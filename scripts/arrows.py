@@ -32,6 +32,7 @@ residual
 error
 tracking
 engine modem
+learning
 encoded
 frame_work
 encoder decoder

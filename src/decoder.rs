@@ -39,9 +39,9 @@ pub struct Decoded {
     /// Later frames of the stream may be predicted from this one: it came in full. Tell the vehicle, if there is a
     /// return channel: [`Encoder::acknowledge`](crate::Encoder::acknowledge).
     pub kept: bool,
-    /// Number, modulo 256, of the update that the frame is drawn with, if this side does not hold it. The picture is the
-    /// render with the newest update that is held, at the packet's pose: it does not show what the vehicle saw. Ask the
-    /// vehicle for its updates. `None`: this side holds all that it needs.
+    /// Number, modulo 256, of the update that the frame is drawn with, if this side does not hold it. The picture is
+    /// then the render with the newest update that is held, at the packet's pose: it does not show what the vehicle
+    /// saw. Ask the vehicle for its updates. `None`: this side holds all that it needs.
     pub missing_update: Option<u8>,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,

@@ -1,13 +1,12 @@
 //! The vehicle's side: frames in, packets out.
 
-#[cfg(feature = "training")]
-mod learn;
-
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::frame_work::{FoundFrame, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
+#[cfg(feature = "training")]
+use crate::learning::{Beside, Found, LearnOptions, LearnerStats};
 use crate::packet::{
     CAMERA_PART_LEN, LEARNT_SHORT_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
     SHORT_LATENT_LEN,
@@ -116,7 +115,7 @@ pub struct Encoder {
     /// What the scene shows beside the prior.
     learnt: Learnt,
     #[cfg(feature = "training")]
-    learning: learn::Learning,
+    beside: Beside,
 }
 
 impl Encoder {
@@ -158,7 +157,7 @@ impl Encoder {
             time: None,
             learnt: Learnt::none(scene.id()),
             #[cfg(feature = "training")]
-            learning: learn::Learning::default(),
+            beside: Beside::default(),
         })
     }
 
@@ -193,7 +192,7 @@ impl Encoder {
                 self.residual = ResidualEncoder::new(&self.residual_setup());
             }
             #[cfg(feature = "training")]
-            self.learn_again()?;
+            self.go_on_learning()?;
             self.camera_age = None;
         }
         self.mask = mask;
@@ -243,6 +242,11 @@ impl Encoder {
         (self.full_due, self.stream_ended) = (true, true);
     }
 
+    /// What is learnt, or was learnt before.
+    pub fn learnt(&self) -> &Learnt {
+        &self.learnt
+    }
+
     /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
     /// prior, uploaded there. Frame numbers and poses carry over. If it fails, nothing changes.
     pub fn move_to(&mut self, engine: &Engine, scene: &Arc<Scene>) -> Result<(), Error> {
@@ -256,7 +260,7 @@ impl Encoder {
         self.preprocessor = preprocessor(scene, &self.options);
         self.residual = ResidualEncoder::new(&self.residual_setup());
         #[cfg(feature = "training")]
-        self.learn_again()?;
+        self.go_on_learning()?;
         Ok(())
     }
 
@@ -545,6 +549,56 @@ impl Encoder {
     /// Evaluations of the last frame's refinement, in order: error against run time.
     pub fn trace(&self) -> &[Evaluation] {
         self.tracker.trace()
+    }
+}
+
+#[cfg(feature = "training")]
+impl Encoder {
+    /// Learns from here on, beside what is learnt already: what frames show and the prior does not becomes updates of
+    /// the prior.
+    ///
+    /// # Errors
+    /// If the scene was not [uploaded for updates](Engine::upload_for_updates), or the device has no room.
+    pub fn learn(&mut self, options: &LearnOptions) -> Result<(), Error> {
+        self.scene.check_learnt(&self.learnt)?;
+        let setup = self.residual_setup();
+        let Encoder { engine, scene, camera, learnt, .. } = self;
+        self.beside.begin(engine, scene, camera, &setup, learnt, options)
+    }
+
+    /// The update that the last frame proved, `.nvsu`; `None`: it proved none. Packets of later frames need it. The
+    /// learner waits until it is taken.
+    ///
+    /// # Errors
+    /// If learning has failed. It has ended then; what was learnt before stays.
+    pub fn take_update(&mut self) -> Result<Option<Vec<u8>>, Error> {
+        self.beside.take_update()
+    }
+
+    /// What the learner did; `None`: the encoder does not learn.
+    pub fn learner_stats(&self) -> Option<LearnerStats> {
+        self.beside.stats()
+    }
+
+    /// Lets the learner see a frame that was found.
+    fn learn_from(&mut self, work: &FrameWork, render: &Picture) {
+        let found = Found {
+            number: work.found.number,
+            frame: &work.frame,
+            render,
+            pose: &work.pose,
+            certain: work.found.certain,
+            mask: work.mask.as_deref(),
+            rate: work.rate,
+        };
+        if let Some(learnt) = self.beside.frame(&found) {
+            self.show(learnt);
+        }
+    }
+
+    fn go_on_learning(&mut self) -> Result<(), Error> {
+        let setup = self.residual_setup();
+        self.beside.go_on(&self.engine, &self.scene, &self.camera, &setup)
     }
 }
 

@@ -24,7 +24,7 @@
 //!
 //! The rooms from low to high; each knows only those before it: [`random`], [`geometry`], `queue` and `range_coder`;
 //! [`image`]; [`vulkan`]; [`coder_tables`]; [`prior`]; [`render`]; [`packet`]; [`residual`]; `error`; [`tracking`];
-//! `engine` and [`modem`]; `encoder` and `decoder`; `pipeline`; [`capi`]. `scripts/arrows.py` checks it.
+//! `engine` and [`modem`]; `learning`; `encoder` and `decoder`; `pipeline`; [`capi`]. `scripts/arrows.py` checks it.
 
 #![deny(unsafe_code)]
 

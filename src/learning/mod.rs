@@ -3,11 +3,13 @@
 //! An episode goes through four phases, a slice per frame:
 //!
 //! 1. *Collect*: certain frames are kept until the camera has moved enough to tell depths apart.
-//! 2. *Start*: cells of the picture that differ from the render get a splat each, at the depth at which the other frames
-//!    show the same (plane sweep, Collins 1996).
-//! 3. *Refine*: these splats alone are trained on the kept frames, rounded as the update will hold them.
-//! 4. *Judge*: frames that were not learnt from are coded with and without the splats. The update is given out if it
-//!    pays for its bytes within a stated number of frames.
+//! 2. *Start*: cells of the picture that differ from the render get a splat each, at the depth at which the other
+//!    frames show the same (plane sweep, Collins 1996). Learnt splats beside which the newest frames look worse than
+//!    without are taken back.
+//! 3. *Refine*: these splats, and the learnt ones in view, are trained on the kept frames and on some older ones. They
+//!    are rounded as the update will hold them. The prior's own splats stay.
+//! 4. *Judge*: frames that were not learnt from are coded with the update and without. It is given out if it pays for
+//!    its bytes within a stated number of frames.
 //!
 //! Moving light, snow and fish differ too, but what was learnt of them saves nothing on later frames. So phase 4 keeps
 //! them out, whatever phase 2 took them for.
@@ -16,6 +18,7 @@
 //!
 //! [`Update`]: crate::prior::Update
 
+mod beside;
 mod blur;
 mod cells;
 mod harm;
@@ -27,7 +30,7 @@ mod options;
 mod refine;
 mod sweep;
 
-pub(crate) use learner::Found;
-pub(crate) use learner::Learner;
+pub(crate) use beside::Beside;
 pub use learner::LearnerStats;
+pub(crate) use learner::{Found, Learner};
 pub use options::LearnOptions;

@@ -44,7 +44,7 @@ impl LearnArgs {
         }
         let (steps_per_frame, horizon) = (self.learn_steps, self.learn_horizon);
         let options = LearnOptions { steps_per_frame, horizon, ..LearnOptions::default() };
-        Ok(encoder.learn(None, &options)?)
+        Ok(encoder.learn(&options)?)
     }
 
     /// Writes the update that the last frame proved, beside its packet. Returns its bytes; 0: there is none.
@@ -56,14 +56,14 @@ impl LearnArgs {
 
     /// Says what was learnt.
     pub fn print(&self, encoder: &Encoder) {
-        if let Some((learnt, stats)) = encoder.learnt() {
+        if let Some(stats) = encoder.learner_stats() {
             println!(
                 "learnt: {} splats in {} updates of {} bytes; {} drafts did not pay; state {}",
                 stats.splats,
                 stats.updates,
                 stats.update_bytes,
                 stats.refused,
-                learnt.state()
+                encoder.learnt().state()
             );
         }
     }

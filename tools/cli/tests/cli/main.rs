@@ -12,6 +12,7 @@ mod dive;
 mod encode;
 mod inputs;
 mod key_frames;
+mod learn;
 mod link;
 mod map;
 mod map_hard;

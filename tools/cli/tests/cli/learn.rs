@@ -1,0 +1,74 @@
+//! `encode --learn`: a new object becomes updates, and `decode` finds them.
+
+use nvsprior::Prior;
+use nvsprior::prior::{Learnt, Update};
+use serde_json::Value;
+
+use crate::dive::Dive;
+
+/// Frames of run T2: enough for a first update, and for frames that are drawn with it.
+const FRAMES: usize = 12;
+const ENCODE: &str = "encode --prior prior.nvsg --cameras T2/cameras.json --psnr 31 --learn";
+
+/// A folder with the demo's prior and the frames of T2, which show a new box and a line.
+fn dive() -> Dive {
+    let dive = Dive::without_frames();
+    std::fs::write(dive.path("prior.nvsg"), nvsprior_basin::PRIOR).unwrap();
+    dive.run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out .")).ends_with(0);
+    dive
+}
+
+fn number(frame: &Value, name: &str) -> f64 {
+    frame[name].as_f64().unwrap()
+}
+
+#[test]
+fn a_new_object_is_learnt_and_shown_on_both_sides() {
+    let dive = dive();
+    let files = "--packets packets --summary summary.json --frames-out expected";
+    let said = dive.run(&format!("{ENCODE} {files}")).ends_with(0).stdout;
+    assert!(said.contains("learnt: "), "{said}");
+    let summary = dive.json("summary.json");
+    let frames = summary["frames"].as_array().unwrap();
+    let first = frames.iter().position(|frame| number(frame, "update_bytes") > 0.0);
+    let first = first.expect("an update within the run");
+    assert!(first + 1 < FRAMES, "frames after it");
+    // Frames that it was not learnt from look better by it, and cost less.
+    let [before, after] = [&frames[first], &frames[first + 1]];
+    assert!(number(after, "render_psnr") > number(before, "render_psnr") + 1.5, "{after}");
+    assert!(number(after, "bytes") < 0.9 * number(before, "bytes"), "{after}");
+    // The update is a file of its own, of the prior and with the bytes that the summary says.
+    let name = format!("packets/{:04}.nvsu", first + 1);
+    let update = Update::read(&dive.bytes(&name)).unwrap();
+    assert_eq!(dive.bytes(&name).len() as f64, number(&frames[first], "update_bytes"));
+    let prior = Prior::open(&dive.path("prior.nvsg"), &Default::default()).unwrap();
+    Learnt::none(prior.id()).add(&update).unwrap();
+    // The topside shows what the vehicle expects.
+    dive.run("decode --prior prior.nvsg --packets packets --frames shown").ends_with(0);
+    let picture = |folder: &str, frame: usize| dive.picture(&format!("{folder}/{frame:04}.png"));
+    for frame in 1..=FRAMES {
+        assert!(picture("shown", frame) == picture("expected", frame), "frame {frame}");
+    }
+    // Without the updates it says which pictures are not the vehicle's.
+    std::fs::create_dir(dive.path("none")).unwrap();
+    let decode = "decode --prior prior.nvsg --packets packets --frames alone --updates none";
+    let run = dive.run(decode).ends_with(0).says("which this side does not hold");
+    let drawn_with = FRAMES - 1 - first;
+    assert!(run.stdout.contains(&format!("{drawn_with} pictures are renders")), "{}", run.stdout);
+    assert!(picture("alone", FRAMES) != picture("expected", FRAMES));
+    // The same frames give the same updates.
+    dive.run(&format!("{ENCODE} --packets again")).ends_with(0);
+    assert_eq!(dive.bytes(&name.replace("packets", "again")), dive.bytes(&name));
+}
+
+#[test]
+fn the_scene_as_mapped_teaches_nothing() {
+    let dive = Dive::without_frames();
+    std::fs::write(dive.path("prior.nvsg"), nvsprior_basin::PRIOR).unwrap();
+    dive.run(&format!("demo --run T1 --draw-only --frames {FRAMES} --out .")).ends_with(0);
+    let run = ENCODE.replace("T2", "T1");
+    dive.run(&format!("{run} --packets packets --summary summary.json")).ends_with(0);
+    let summary = dive.json("summary.json");
+    let frames = summary["frames"].as_array().unwrap();
+    assert!(frames.iter().all(|frame| number(frame, "update_bytes") == 0.0), "{summary}");
+}
