@@ -17,6 +17,8 @@ mod radix;
 mod renderer;
 mod scene;
 mod stages;
+#[cfg(test)]
+mod tests;
 #[cfg(feature = "training")]
 pub mod training;
 mod workspace;

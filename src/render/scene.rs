@@ -139,7 +139,8 @@ impl Scene {
         self.learnt_room.as_ref().map_or(Ok(()), write)
     }
 
-    /// Where the splats that a learner trains begin in the planes, behind so many learnt ones; `None`: there is no room.
+    /// Where the splats that a learner trains begin in the planes, behind so many learnt ones; `None`: there is no
+    /// room.
     #[cfg(feature = "training")]
     pub(crate) fn first_tried(&self, learnt: usize) -> Option<u32> {
         self.learnt_room.as_ref().map(|room| room.first_tried(learnt))

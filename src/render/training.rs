@@ -196,7 +196,8 @@ impl Fixed {
             parameters: own("parameters", numbers)?,
             first: own("means of gradients", numbers)?,
             second: own("means of squares", numbers)?,
-            starts: own("first slots", splats)?,
+            // Lists of tiles may hold the splat after the last, which shows nothing.
+            starts: own("first slots", splats + 1)?,
             maps: own("blurred maps", 3 * SSIM_MAPS as usize * pixels)?,
             partials: own("derivatives of SSIM", 3 * SSIM_PARTIALS as usize * pixels)?,
             gradient: own("gradient of the loss", GRADIENT_PIXEL as usize * pixels)?,

@@ -32,8 +32,8 @@ pub struct Splat {
     pub axes: [[f32; 3]; 3],
 }
 
-/// The pair of splat `i` in a plane with room for `stride` splats. (A closure would hold the buffer in a structure, which crashes
-/// SwiftShader.)
+/// The pair of splat `i` in a plane with room for `stride` splats. (A closure would hold the buffer in a structure,
+/// which crashes SwiftShader.)
 fn of_plane<B: Pairs + ?Sized>(planes: &B, plane: u32, stride: u32, i: u32) -> [f32; 2] {
     // The host allocated these planes, with room for so many splats each.
     planes.pair(plane * stride + i)

@@ -154,7 +154,7 @@ fn transform_back(m: &[f32; 9], v: [f32; 3]) -> [f32; 3] {
     ]
 }
 
-/// The gradient by the quaternion, of any length, from that by the unit axes.
+/// The gradient by the quaternion, of any length and sign, from that by the unit axes.
 fn by_rotation(shape: &Shape, by_axes: [[f32; 3]; 3]) -> [f32; 4] {
     let [w, x, y, z] = shape.rotation;
     let [[b00, b10, b20], [b01, b11, b21], [b02, b12, b22]] = by_axes;
@@ -288,7 +288,8 @@ impl Gradient {
         basis: [0.0; 16],
     };
 
-    /// Of the splat at place `j` of those that are trained, from what stage `splat_backward` has summed; all 0 if it shows in no tile.
+    /// Of the splat at place `j` of those that are trained, from what stage `splat_backward` has summed; all 0 if it
+    /// shows in no tile.
     pub fn of(
         params: &Params,
         training: &Training,

@@ -16,7 +16,7 @@ pub struct Shape {
     pub scale: [f32; 3],
     /// Quaternion (w, x, y, z) of length 1.
     pub rotation: [f32; 4],
-    /// Length of the quaternion as it is trained.
+    /// Length of the quaternion as it is trained; below 0 if `rotation` is turned to the other sign.
     pub length: f32,
     pub opacity: f32,
 }
@@ -77,13 +77,14 @@ impl Shape {
         let length = (w * w + x * x + y * y + z * z).sqrt();
         let inverse = 1.0 / length;
         let unit = [w * inverse, x * inverse, y * inverse, z * inverse];
+        let turned = (by[2] > 0.0) & (w < 0.0);
         let logit = rounded_logit(parameter(parameters, n, OPACITY, j), by[3]);
         let [px, py, pz] = triple(parameters, n, POSITION, j);
         Shape {
             position: [rounded(px, by[0]), rounded(py, by[0]), rounded(pz, by[0])],
             scale: [rounded(a, by[1]).exp(), rounded(b, by[1]).exp(), rounded(c, by[1]).exp()],
             rotation: rounded_rotation(unit, by[2]),
-            length,
+            length: if turned { -length } else { length },
             opacity: 1.0 / (1.0 + (-logit).exp()),
         }
     }

@@ -1,6 +1,5 @@
-//! Stage `train_gradient`: the loss's gradient by all parameters, one invocation per splat
-//! that is trained. Training needs it only for
-//! checks: stage `train_step` takes its step without writing the gradient down.
+//! Stage `train_gradient`: the loss's gradient by all parameters, one invocation per splat that is trained. Training
+//! needs it only for checks: stage `train_step` takes its step without writing the gradient down.
 
 use crate::memory::at_mut;
 use crate::shared::Params;

@@ -1,5 +1,6 @@
-//! Stage `train_slots`: gives each splat in view that is trained one slot per tile that it may touch. Stage `splat_backward` notes
-//! there which pair the tile and the splat are; so stage `train_gradient` finds a splat's pairs in a fixed order.
+//! Stage `train_slots`: gives each splat in view that is trained one slot per tile that it may touch. Stage
+//! `splat_backward` notes there which pair the tile and the splat are; so stage `train_gradient` finds a splat's pairs
+//! in a fixed order.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{CULLED, GROUP, NOWHERE, Outline, Params, Projected, RECORD};

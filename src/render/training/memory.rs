@@ -157,7 +157,7 @@ impl Sizes {
                 ("state", numbers),
                 ("geometry", floats(2 * GEOMETRY_PLANES, splats)),
                 ("spherical harmonics", floats(2 * sh_planes(plan.sh_degree), splats)),
-                ("first slots", 4 * splats),
+                ("first slots", 4 * (splats + 1)),
                 ("picture", floats(PIXEL, pixels)),
                 ("picture read back", floats(PIXEL, pixels)),
                 ("frame", floats(3, pixels)),

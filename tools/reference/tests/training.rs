@@ -5,14 +5,17 @@ mod common;
 
 use glam::DVec3;
 
-use nvsprior::prior::Splats;
+use nvsprior::prior::update::{COLOUR_STEP, LOG_SCALE_STEP, LOGIT_STEP, LOGITS, ROTATION_STEPS};
+use nvsprior::prior::{LearntSplat, NewSplat, Splats, UpdateGrid};
 use nvsprior::random::Random;
 use nvsprior::render::training::{
     FADING, Trainer, Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
 };
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
 use nvsprior_kernels::shared::sh_coefficients;
-use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
+use nvsprior_kernels::training::{
+    LOG_SCALE, OPACITY, POSITION, ROTATION, ROUNDED_LOGITS, SH, planes,
+};
 use nvsprior_reference::Twin;
 use nvsprior_reference::loss::loss;
 
@@ -261,4 +264,118 @@ fn gradients_agree_for_anti_aliased_priors() {
 fn gradients_agree_for_needles_discs_and_giants() {
     agree(Kind::Stiff, 1, RenderOptions::INRIA, 0.3);
     agree(Kind::Large, 2, RenderOptions::INRIA, 0.0);
+}
+
+/// The steps of an update's numbers.
+const GRID: UpdateGrid = UpdateGrid { origin: [0.0; 3], exponent: -5 };
+
+fn rounding() -> [f32; 5] {
+    [GRID.step() as f32, LOG_SCALE_STEP, 1.0 / f32::from(ROTATION_STEPS), LOGIT_STEP, COLOUR_STEP]
+}
+
+/// The twin of the device's rounding.
+fn rounded(value: f32, step: f32) -> f32 {
+    ((f64::from(value) / f64::from(step) + 0.5).floor() * f64::from(step)) as f32
+}
+
+/// A quaternion of the same length and the sign that it is trained with, in the rounded direction.
+fn rounded_rotation(q: [f32; 4], step: f32) -> [f32; 4] {
+    let [w, x, y, z] = q.map(f64::from);
+    let length = (w * w + x * x + y * y + z * z).sqrt();
+    let signed = length * if w < 0.0 { -1.0 } else { 1.0 };
+    let [x, y, z] = [x, y, z].map(|v| f64::from(rounded((v / signed) as f32, step)));
+    let square = x * x + y * y + z * z;
+    let shortened = square.max(1.0).sqrt();
+    [(1.0 - square).max(0.0).sqrt(), x, y, z].map(|v| (v / shortened * signed) as f32)
+}
+
+/// Splats as a training that rounds them draws them.
+fn rounded_splats(splats: &Splats) -> Splats {
+    let [position, log_scale, rotation, logit, colour] = rounding();
+    let mut splats = splats.clone();
+    let stride = splats.sh_stride();
+    splats.positions.as_flattened_mut().iter_mut().for_each(|v| *v = rounded(*v, position));
+    splats.log_scales.as_flattened_mut().iter_mut().for_each(|v| *v = rounded(*v, log_scale));
+    splats.rotations.iter_mut().for_each(|q| *q = rounded_rotation(*q, rotation));
+    let [least, most] = ROUNDED_LOGITS.map(|steps| steps * logit);
+    splats.opacity_logits.iter_mut().for_each(|v| *v = rounded(v.clamp(least, most), logit));
+    let of_splats = splats.sh.chunks_exact_mut(stride);
+    of_splats.for_each(|sh| sh[..3].iter_mut().for_each(|v| *v = rounded(*v, colour)));
+    splats
+}
+
+/// Pictures and gradients of a training that rounds its splats are those of one whose splats are round.
+fn assert_rounds(what: &str, case: &Case) {
+    let engine = common::engine();
+    let frame = case.counted();
+    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame };
+    let other = Case { splats: rounded_splats(&case.splats), frame: case.frame.clone(), ..*case };
+    let mut trainers = [case.trainer(&engine), other.trainer(&engine)];
+    let plain = trainers[0].gradients(&view, &case.training()).unwrap();
+    let training = Training { rounding: rounding(), ..case.training() };
+    let by_device = trainers[0].gradients(&view, &training).unwrap();
+    let by_host = trainers[1].gradients(&view, &case.training()).unwrap();
+    let n = case.splats.positions.len();
+    let planes = by_device.chunks_exact(n).zip(by_host.chunks_exact(n));
+    for (plane, (device, host)) in planes.enumerate() {
+        let largest = host.iter().fold(0.0, |m: f32, v| m.max(v.abs()));
+        for (i, (device, host)) in device.iter().zip(host).enumerate() {
+            let error = (device - host).abs() / largest;
+            assert!(error < 1e-3, "{what}, plane {plane}, splat {i}: {device}, twin {host}");
+        }
+    }
+    let (far, size) = by_device
+        .iter()
+        .zip(&plain)
+        .fold((0.0, 0.0), |(far, size), (a, b)| (far + (a - b).abs(), size + b.abs()));
+    assert!(far > 0.1 * size, "{what}: rounding changes the gradients");
+    common::assert_silent(&engine);
+}
+
+#[test]
+fn rounded_splats_have_the_gradients_of_round_ones() {
+    for (kind, degree) in [(Kind::Ordinary, 1), (Kind::Ordinary, 0), (Kind::Large, 2)] {
+        let mut case = Case::new(kind, degree, RenderOptions::INRIA, 0.3);
+        // Half a turn and more: no w of 0 or more is left, and some x, y and z are longer than 1.
+        case.splats.rotations.iter_mut().step_by(3).for_each(|q| *q = q.map(|v| -v));
+        case.splats.rotations[1] = [-0.02, 0.7, -0.6, 0.5];
+        case.splats.opacity_logits[..2].copy_from_slice(&[-9.0, 9.0]);
+        assert!(case.splats.rotations.iter().any(|q| q[0] < 0.0));
+        assert_rounds(&format!("{kind:?}, degree {degree}"), &case);
+    }
+}
+
+/// What training rounds to is what an update can say, as long as no axes are exchanged: here no splat is turned far.
+#[test]
+fn rounded_splats_are_those_of_an_update() {
+    assert_eq!(ROUNDED_LOGITS, [*LOGITS.start(), *LOGITS.end()].map(f32::from));
+    let mut case = Case::new(Kind::Ordinary, 0, RenderOptions::INRIA, 0.3);
+    let mut random = Random::new(3);
+    for i in 0..case.splats.positions.len() {
+        let sign = if i % 2 == 0 { 0.9 } else { -1.3 };
+        let [x, y, z] = random.triple(-0.2, 0.2);
+        let w = (1.0 - x * x - y * y - z * z).sqrt();
+        case.splats.rotations[i] = [w, x, y, z].map(|v| sign * v);
+        let [a, b, c] = random.triple(-0.1, 0.1);
+        case.splats.log_scales[i] = [a - 3.0, b - 2.0, c - 1.3];
+    }
+    case.splats.opacity_logits[..2].copy_from_slice(&[-9.0, 9.0]);
+    let round = rounded_splats(&case.splats);
+    let splat = |splats: &Splats, i: usize| LearntSplat {
+        position: splats.positions[i],
+        log_scale: splats.log_scales[i],
+        rotation: splats.rotations[i],
+        logit: splats.opacity_logits[i],
+        colour: [0, 1, 2].map(|k| splats.sh[3 * i + k]),
+    };
+    for i in 0..case.splats.positions.len() {
+        let said = NewSplat::nearest(&splat(&case.splats, i), &GRID).learnt(&GRID);
+        let own = LearntSplat { rotation: said.rotation, ..splat(&round, i) };
+        assert_eq!(own, said, "splat {i}");
+        let size = round.rotations[i][0].signum() * if i % 2 == 0 { 0.9 } else { 1.3 };
+        for (own, said) in round.rotations[i].iter().zip(said.rotation) {
+            assert!((own / size - said).abs() < 1e-6, "splat {i}: {own}, in the update {said}");
+        }
+    }
+    assert_rounds("small turns", &case);
 }

@@ -95,6 +95,8 @@ pub struct Settings {
     pub row_shift: u32,
     /// Room for pairs.
     pub room: u32,
+    /// Places for more splats in the planes of splats. Splats lie there, but are not held.
+    pub spare: u32,
     pub depth: bool,
 }
 
@@ -108,6 +110,7 @@ impl Settings {
             first_digit: 0,
             row_shift: 0,
             room: 1 << 15,
+            spare: 0,
             depth: true,
         }
     }
@@ -136,10 +139,10 @@ impl<'a> View<'a> {
     }
 
     /// Planes of position, opacity and axes: as `src/render/scene.rs`.
-    fn geometry(&self) -> Vec<u32> {
+    fn geometry(&self, stride: u32) -> Vec<u32> {
         let centre = DVec3::from(self.prior.coordinate_frame().centre.map(f64::from));
         let splats = self.prior.splats();
-        self.planes(GEOMETRY_PLANES, |i| {
+        self.planes(GEOMETRY_PLANES, stride, |i| {
             let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
             let axes = scaled_axes(splats, i).to_cols_array();
             position.to_array().into_iter().chain([splats.opacity(i)]).chain(axes).collect()
@@ -147,22 +150,23 @@ impl<'a> View<'a> {
     }
 
     /// Planes of colours' coefficients.
-    fn sh(&self) -> Vec<u32> {
+    fn sh(&self, stride: u32) -> Vec<u32> {
         let (splats, degree) = (self.prior.splats(), self.analysis.sh_degree);
         let needed = 3 * sh_coefficients(degree) as usize;
-        self.planes(sh_planes(degree), |i| {
+        self.planes(sh_planes(degree), stride, |i| {
             let of_splat = &splats.sh[i * splats.sh_stride()..][..needed];
             of_splat.iter().map(|v| f64::from(*v)).collect()
         })
     }
 
-    /// Two values of each splat in each plane; 0 after the last.
-    fn planes(&self, planes: u32, values: impl Fn(usize) -> Vec<f64>) -> Vec<u32> {
-        let which = &self.analysis.splats;
-        let mut words = vec![0; which.len() * 2 * planes as usize];
-        for (place, i) in which.iter().enumerate() {
+    /// Two values of each splat in each plane; 0 after the last value. After the last splat they come again, up to
+    /// `stride`.
+    fn planes(&self, planes: u32, stride: u32, values: impl Fn(usize) -> Vec<f64>) -> Vec<u32> {
+        let (which, stride) = (&self.analysis.splats, stride as usize);
+        let mut words = vec![0; stride * 2 * planes as usize];
+        for (place, i) in which.iter().cycle().take(stride).enumerate() {
             for (k, value) in values(*i as usize).into_iter().enumerate() {
-                words[(k / 2 * which.len() + place) * 2 + k % 2] = (value as f32).to_bits();
+                words[(k / 2 * stride + place) * 2 + k % 2] = (value as f32).to_bits();
             }
         }
         words
@@ -192,6 +196,7 @@ pub struct Chain<'a> {
 impl<'a> Chain<'a> {
     pub fn new(view: &'a View<'a>, settings: Settings) -> Chain<'a> {
         let params = Params {
+            stride: view.drawn.params.splats + settings.spare,
             pair_capacity: settings.room,
             sort_blocks: 1 << settings.log_sort_blocks,
             bin_blocks: 1 << settings.log_bin_blocks,
@@ -208,7 +213,7 @@ impl<'a> Chain<'a> {
             broken: None,
             faults: Vec::new(),
         };
-        let (splats, tiles) = (params.splats, params.tiles_x * params.tiles_y);
+        let (splats, tiles) = (params.stride, params.tiles_x * params.tiles_y);
         let table = BlockTable::new(TABLE, settings.log_sort_blocks, 0, DIGITS);
         for (name, words) in [
             ("records", (splats + 1) * 4 * RECORD),
@@ -233,8 +238,8 @@ impl<'a> Chain<'a> {
             chain.buffers.insert(name, vec![UNSET; words as usize]);
         }
         chain.set("params", &[params]);
-        chain.set("geometry", &view.geometry());
-        chain.set("sh", &view.sh());
+        chain.set("geometry", &view.geometry(params.stride));
+        chain.set("sh", &view.sh(params.stride));
         let sums = &mut chain.buffers.get_mut("histogram").unwrap()[..table.rows as usize];
         sums.fill(0);
         chain

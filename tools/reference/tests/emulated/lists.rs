@@ -146,6 +146,30 @@ fn too_little_room_is_told_and_not_overrun() {
     }
 }
 
+/// Splats that lie behind the last one that is held are in no list.
+#[test]
+fn places_without_a_splat_are_left_out() {
+    let prior = random_prior(121, 500, 1);
+    let view = View::new(&prior, camera(47, 38), random_pose(121));
+    for (form, first_digit) in FORMS.into_iter().zip([0, 1, 0, 1]) {
+        let settings = Settings { first_digit, ..Settings::new(form, 9) };
+        let tight = listed(&view, settings);
+        for spare in [1, 139, 4_000] {
+            let mut chain = listed(&view, Settings { spare, ..settings });
+            let what = format!("{form:?}, {spare} to spare");
+            let (held, beyond) = chain.buffers["keys"].split_at(500);
+            assert!(held == tight.buffers["keys"], "{what}");
+            assert_eq!(beyond, vec![CULLED; spare as usize], "{what}");
+            assert_lists(&view, &chain);
+            assert!(chain.order() == tight.order(), "{what}");
+            assert!(lists_of(&chain) == lists_of(&tight), "{what}");
+            chain.splat();
+            let drawn = view.drawn.image.iter().map(|v| v.to_bits());
+            assert!(first_digit > 0 || drawn.eq(chain.buffers["image"].iter().copied()), "{what}");
+        }
+    }
+}
+
 #[test]
 fn nothing_in_view() {
     let prior = random_prior(120, 300, 0);
