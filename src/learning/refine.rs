@@ -130,7 +130,7 @@ impl Course {
     }
 }
 
-/// Whether a learnt splat looks different enough after training to be sent anew.
+/// Whether a learnt splat looks different enough after training to be changed.
 pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
     let far = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt();
     let size = before.log_scale.iter().sum::<f32>() / 3.0;
@@ -139,7 +139,8 @@ pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
     let opacity = |logit: f32| 1.0 / (1.0 + (-logit).exp());
     let fainter = (opacity(before.logit) - opacity(after.logit)).abs();
     let recoloured = SH_0 * far(before.colour, after.colour);
-    moved + grown + 2.0 * fainter + 4.0 * recoloured > CHANGED
+    moved + grown + 2.0 * fainter + 4.0 * recoloured
+        > CHANGED
 }
 
 /// How much that takes.
