@@ -4,7 +4,7 @@ use std::alloc::System;
 
 use nvsprior::PriorId;
 use nvsprior::prior::update::{LOGITS, MAX_FADES, MAX_LEARNT, ROTATION_STEPS};
-use nvsprior::prior::{Fade, NewSplat, StateId, Update, UpdateGrid};
+use nvsprior::prior::{Change, Fade, NewSplat, StateId, Update, UpdateGrid};
 use nvsprior::random::Random;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -20,16 +20,24 @@ fn taken(bytes: &[u8]) -> (usize, bool) {
 }
 
 fn update(splats: Vec<NewSplat>, removed: Vec<u16>, fades: Vec<Fade>) -> Vec<u8> {
-    let update = Update {
+    written(&Update { splats, removed, fades, ..empty() })
+}
+
+fn empty() -> Update {
+    Update {
         prior: PriorId(1),
         number: 2,
         before: StateId(2),
         grid: UpdateGrid { origin: [0.0; 3], exponent: 0 },
-        splats,
-        removed,
-        fades,
+        splats: vec![],
+        removed: vec![],
+        changed: vec![],
+        fades: vec![],
         frames: [0, 0],
-    };
+    }
+}
+
+fn written(update: &Update) -> Vec<u8> {
     let mut bytes = Vec::new();
     update.write(&mut bytes).unwrap();
     bytes
@@ -59,6 +67,21 @@ fn largest() -> Vec<u8> {
     update(splats, removed, (0..MAX_FADES).map(fade).collect())
 }
 
+/// An update that changes all splats that there can be, by numbers that nothing predicts.
+fn all_change() -> Vec<u8> {
+    let mut random = Random::new(3);
+    let mut byte = || random.bits() as i8;
+    let change = |ordinal| Change {
+        ordinal,
+        position: [(); 3].map(|()| i32::from(byte()) << 23),
+        log_scale: [(); 3].map(|()| byte()),
+        rotation: [(); 3].map(|()| byte()),
+        opacity: 1,
+        colour: [(); 3].map(|()| byte()),
+    };
+    written(&Update { changed: (0..MAX_LEARNT as u16).map(change).collect(), ..empty() })
+}
+
 /// What one update may take. The splats of the largest one take 98 kB, each of a few copies.
 const MOST: usize = 2 << 20;
 
@@ -68,6 +91,9 @@ fn no_update_takes_more_than_two_megabytes() {
     let largest = largest();
     let (bytes, read) = taken(&largest);
     assert!(read && bytes < MOST, "{bytes} bytes for {} of a file", largest.len());
+    let changes = all_change();
+    let (bytes, read) = taken(&changes);
+    assert!(read && bytes < MOST, "{bytes} bytes for {} of a file", changes.len());
     // A few hundred bytes that stand for as many splats.
     let alike = update(vec![NewSplat::default(); MAX_LEARNT], vec![], vec![]);
     let (bytes, read) = taken(&alike);

@@ -32,6 +32,7 @@ fn update(learnt: &Learnt) -> Update {
         grid: UpdateGrid { origin: [0.0, 0.0, 3.0], exponent: -4 },
         splats: (0..5).map(ball).collect(),
         removed: if number > 1 { vec![0] } else { vec![] },
+        changed: vec![],
         fades: vec![],
         frames: [0, 1],
     }

@@ -79,16 +79,14 @@ struct Draft {
     /// New splats.
     count: usize,
     step: u32,
-    /// Once it is trained: the update, its bytes, and what it saved.
+    /// Once it is trained: the update's bytes, and what it saved.
     trained: Option<Trained>,
 }
 
 struct Trained {
-    /// What is learnt, without what the update takes back.
-    base: Learnt,
-    update: Update,
+    /// What is learnt with the update.
+    after: Learnt,
     bytes: Vec<u8>,
-    splats: Vec<LearntSplat>,
     saved: Vec<f64>,
 }
 
@@ -295,7 +293,7 @@ impl Learner {
 
     /// Draws all key frames with another state than the scene's.
     fn show_all(&mut self, learnt: &Learnt) -> Result<(), Error> {
-        self.scene.try_out(learnt, &[])?;
+        self.scene.show_part(learnt)?;
         for index in 0..self.kept.len() {
             let pose = self.kept[index].frame.pose;
             self.kept[index].shown = Some(self.shown(&pose)?);
@@ -312,7 +310,7 @@ impl Learner {
         let mut harms = Harms::new(&splats);
         let none = Learnt::none(self.scene.id());
         let newest: Vec<usize> = (0..self.kept.len()).rev().take(COMPARED).collect();
-        self.scene.try_out(&none, &[])?;
+        self.scene.show_part(&none)?;
         for index in newest {
             let pose = self.kept[index].frame.pose;
             let without = self.shown(&pose)?.render;
@@ -365,7 +363,7 @@ impl Learner {
 
     /// Takes some steps; `None`: nothing is left of the draft.
     fn refine(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
-        self.scene.try_out(&draft.base, &[])?;
+        self.scene.show_part(&draft.base)?;
         for _ in 0..self.options.steps_per_frame {
             if draft.step >= draft.course.steps {
                 break;
@@ -397,13 +395,16 @@ impl Learner {
         let grid = draft.course.grid;
         let trained = draft.course.splats(&state, draft.count + draft.again.len());
         let (new, again) = trained.split_at(draft.count);
-        let mut splats: Vec<LearntSplat> = new.iter().copied().flatten().collect();
-        let mut removed = draft.removed.clone();
+        let splats = new.iter().flatten().map(|splat| NewSplat::nearest(splat, &grid)).collect();
+        let (mut removed, mut changed) = (draft.removed.clone(), Vec::new());
         for (place, after) in draft.again.iter().zip(again) {
             let before = &self.learnt.splats()[usize::from(*place)];
-            if after.as_ref().is_none_or(|after| has_changed(before, after)) {
-                removed.push(*place);
-                splats.extend(after);
+            match after {
+                None => removed.push(*place),
+                Some(after) if has_changed(before, after) => {
+                    changed.extend(self.learnt.changed_to(*place, after));
+                }
+                Some(_) => (),
             }
         }
         removed.sort_unstable();
@@ -413,19 +414,19 @@ impl Learner {
             number: self.learnt.number() + 1,
             before: self.learnt.state(),
             grid,
-            splats: splats.iter().map(|splat| NewSplat::nearest(splat, &grid)).collect(),
+            splats,
             removed,
+            changed,
             fades: Vec::new(),
             frames: [numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0)],
         };
-        if update.splats.len() + update.removed.len() < FEWEST {
+        if update.splats.len() + update.removed.len() + update.changed.len() < FEWEST {
             return Ok(None);
         }
-        let base = self.learnt.without(&update.removed);
-        let splats = update.splats.iter().map(|splat| splat.learnt(&grid)).collect();
-        let mut bytes = Vec::new();
+        let (mut after, mut bytes) = (self.learnt.clone(), Vec::new());
+        after.add(&update)?;
         update.write(&mut bytes)?;
-        draft.trained = Some(Trained { base, update, bytes, splats, saved: Vec::new() });
+        draft.trained = Some(Trained { after, bytes, saved: Vec::new() });
         Ok(Some(draft))
     }
 
@@ -436,7 +437,7 @@ impl Learner {
             return Ok(None);
         };
         while let Some(held) = self.held_out.pop() {
-            trained.saved.push(self.saved(&trained.base, &trained.splats, &held, rate)?);
+            trained.saved.push(self.saved(&trained.after, &held, rate)?);
         }
         if trained.saved.len() < self.options.judged {
             draft.trained = Some(trained);
@@ -447,7 +448,7 @@ impl Learner {
             self.stats.refused += 1;
             return Ok(None);
         }
-        self.learnt.add(&trained.update)?;
+        self.learnt = trained.after;
         self.scene.show(&self.learnt)?;
         self.kept.iter_mut().for_each(|kept| kept.shown = None);
         self.stats.updates += 1;
@@ -455,16 +456,10 @@ impl Learner {
         Ok(Some(trained.bytes))
     }
 
-    /// Bytes that some splats save on a frame.
-    fn saved(
-        &mut self,
-        base: &Learnt,
-        splats: &[LearntSplat],
-        held: &HeldOut,
-        rate: Option<Rate>,
-    ) -> Result<f64, Error> {
+    /// Bytes that another state than the scene's saves on a frame.
+    fn saved(&mut self, after: &Learnt, held: &HeldOut, rate: Option<Rate>) -> Result<f64, Error> {
         let mut with = Picture::new(self.camera.width, self.camera.height);
-        self.scene.try_out(base, splats)?;
+        self.scene.show(after)?;
         let drawn = self.renderer.picture(&held.frame.pose, &mut with);
         self.scene.show(&self.learnt)?;
         drawn?;

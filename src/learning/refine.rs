@@ -134,7 +134,7 @@ impl Course {
     }
 }
 
-/// Whether a learnt splat looks different enough after training to be sent anew.
+/// Whether a learnt splat looks different enough after training to be changed.
 pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
     let far = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt();
     let size = before.log_scale.iter().sum::<f32>() / 3.0;

@@ -47,7 +47,9 @@ pub use prior::Prior;
 pub use replace::replace_file;
 pub use report::{LoadReport, PriorFormat};
 pub use splats::Splats;
-pub use update::{Fade, Learnt, LearntSplat, NewSplat, StateId, Update, UpdateError, UpdateGrid};
+pub use update::{
+    Change, Fade, Learnt, LearntSplat, NewSplat, StateId, Update, UpdateError, UpdateGrid,
+};
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -92,26 +92,18 @@ impl LearntRoom {
     pub fn show(&self, splats: &SplatBuffers, learnt: &Learnt) -> Result<(), Error> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
         if written.state != Some(learnt.state()) {
-            self.write(&mut written, splats, learnt, &[])?;
+            self.write(&mut written, splats, learnt)?;
             written.state = Some(learnt.state());
         }
         Ok(())
     }
 
-    /// Replaces what is learnt by something that no state names, with the splats that are tried. Call it between two
-    /// frames. Returns after the device has it.
-    ///
-    /// # Panics
-    /// If there are more than there is room for.
+    /// Replaces what is learnt by a part of it, which no state names. Call it between two frames. Returns after the
+    /// device has it.
     #[cfg(feature = "training")]
-    pub fn try_out(
-        &self,
-        splats: &SplatBuffers,
-        learnt: &Learnt,
-        tried: &[LearntSplat],
-    ) -> Result<(), Error> {
+    pub fn show_part(&self, splats: &SplatBuffers, part: &Learnt) -> Result<(), Error> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        self.write(&mut written, splats, learnt, tried)
+        self.write(&mut written, splats, part)
     }
 
     fn write(
@@ -119,13 +111,11 @@ impl LearntRoom {
         written: &mut Written,
         splats: &SplatBuffers,
         learnt: &Learnt,
-        tried: &[LearntSplat],
     ) -> Result<(), Error> {
         written.state = None;
-        let all: Vec<LearntSplat> = learnt.splats().iter().chain(tried).copied().collect();
-        assert!(all.len() <= ROOM, "room for learnt splats");
+        let all = learnt.splats();
         let mut recorder = Recorder::new(&self.device, Timing::None)?;
-        self.write_tail(&mut recorder, written, splats, &all);
+        self.write_tail(&mut recorder, written, splats, all);
         if learnt.fades() > 0 || written.faded {
             self.write_opacities(&mut recorder, written, splats, learnt);
         }

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
-use crate::prior::{CoordinateFrame, KeyFrames, Learnt, LearntSplat, Splats, UpdateError};
+use crate::prior::{CoordinateFrame, KeyFrames, Learnt, Splats, UpdateError};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error};
 use crate::{Prior, PriorId, RenderOptions};
@@ -132,11 +132,10 @@ impl Scene {
         self.learnt_room.as_ref().map_or(Ok(()), |room| room.show(&self.splats, learnt))
     }
 
-    /// As [`Scene::show`], with a part of what is learnt, and with splats that a learner tries.
+    /// As [`Scene::show`], with a part of what is learnt.
     #[cfg(feature = "training")]
-    pub(crate) fn try_out(&self, learnt: &Learnt, tried: &[LearntSplat]) -> Result<(), Error> {
-        let write = |room: &LearntRoom| room.try_out(&self.splats, learnt, tried);
-        self.learnt_room.as_ref().map_or(Ok(()), write)
+    pub(crate) fn show_part(&self, part: &Learnt) -> Result<(), Error> {
+        self.learnt_room.as_ref().map_or(Ok(()), |room| room.show_part(&self.splats, part))
     }
 
     /// Where the splats that a learner trains begin in the planes, behind so many learnt ones; `None`: there is no

@@ -99,25 +99,18 @@ impl Magnitude {
     }
 }
 
-/// Whole numbers around zero: whether it is zero, its sign, then its magnitude in unary; from 16 on by its digits.
+/// Whole numbers around zero: whether it is zero, its sign, then its size.
 #[derive(Clone)]
 pub struct Signed {
     zero: Chance,
-    more: [Chance; Signed::UNARY as usize],
-    beyond: Magnitude,
+    size: Size,
 }
 
 impl Signed {
-    const UNARY: u32 = 16;
-
     /// Numbers of which most are below `usual`.
     pub const fn new(usual: u32) -> Signed {
-        let more = 65_536 * usual / (usual + 1);
-        Signed {
-            zero: Chance::of((65_536 / (2 * usual + 1)) as Probability, 4),
-            more: [Chance::of(more as Probability, 4); Signed::UNARY as usize],
-            beyond: Magnitude::new(),
-        }
+        let zero = Chance::of((65_536 / (2 * usual + 1)) as Probability, 4);
+        Signed { zero, size: Size::new(usual) }
     }
 
     pub fn code(&mut self, coder: &mut impl Bits, value: i32) -> i32 {
@@ -125,12 +118,37 @@ impl Signed {
             return 0;
         }
         let negative = coder.bit(EVEN, value < 0);
+        self.size.code(coder, value, negative)
+    }
+}
+
+/// Sizes of whole numbers that are not zero: in unary; from 16 on by their digits.
+#[derive(Clone)]
+pub struct Size {
+    more: [Chance; Size::UNARY as usize],
+    beyond: Magnitude,
+}
+
+impl Size {
+    const UNARY: u32 = 16;
+
+    /// Numbers of which most are below `usual`.
+    pub const fn new(usual: u32) -> Size {
+        let more = 65_536 * usual / (usual + 1);
+        Size {
+            more: [Chance::of(more as Probability, 4); Size::UNARY as usize],
+            beyond: Magnitude::new(),
+        }
+    }
+
+    /// Codes a number whose sign is coded, and returns it.
+    pub fn code(&mut self, coder: &mut impl Bits, value: i32, negative: bool) -> i32 {
         let above = value.unsigned_abs().wrapping_sub(1);
         let mut read = 0;
-        while read < Signed::UNARY && self.more[read as usize].code(coder, above > read) {
+        while read < Size::UNARY && self.more[read as usize].code(coder, above > read) {
             read += 1;
         }
-        if read == Signed::UNARY {
+        if read == Size::UNARY {
             read = read.wrapping_add(self.beyond.code(coder, above.wrapping_sub(read)));
         }
         let magnitude = read.wrapping_add(1) as i32;

@@ -2,6 +2,8 @@
 
 use super::attributes::Attributes;
 use super::bits::{Bits, Magnitude, plain};
+use super::change::Change;
+use super::changes::{self, code_ordinal};
 use super::fade::Fade;
 use super::grid::UpdateGrid;
 use super::limits::{EXPONENTS, MAX_FADES, MAX_LEARNT};
@@ -18,6 +20,7 @@ pub struct Body {
     /// In the order of the format.
     pub splats: Vec<NewSplat>,
     pub removed: Vec<u16>,
+    pub changed: Vec<Change>,
     pub fades: Vec<Fade>,
 }
 
@@ -39,11 +42,13 @@ impl Body {
         let frames = [first, first.wrapping_add(length) & FRAME_MASK];
         let splats = count(coder, self.splats.len(), MAX_LEARNT, "splats")?;
         let removed = count(coder, self.removed.len(), MAX_LEARNT, "removed splats")?;
+        let changed = count(coder, self.changed.len(), MAX_LEARNT, "changed splats")?;
         let fades = count(coder, self.fades.len(), MAX_FADES, "fades")?;
         let splats = code_splats(coder, &self.splats, splats)?;
         let removed = code_removed(coder, &self.removed, removed)?;
+        let changed = changes::code(coder, &self.changed, changed)?;
         let fades = code_fades(coder, &self.fades, fades);
-        Ok(Body { origin, exponent, frames, splats, removed, fades })
+        Ok(Body { origin, exponent, frames, splats, removed, changed, fades })
     }
 }
 
@@ -76,12 +81,10 @@ fn code_splats(
 /// Codes how many learnt splats stay between those that are taken back.
 fn code_removed(coder: &mut impl Bits, known: &[u16], count: usize) -> Result<Vec<u16>, String> {
     let (mut gaps, mut removed) = (Magnitude::new(), Vec::new());
-    let mut due = 0_u16;
+    let mut due = 0;
     for index in 0..count {
-        let gap = known.get(index).map_or(0, |ordinal| ordinal.wrapping_sub(due));
-        let gap = gaps.code(coder, gap.into());
-        let ordinal = u16::try_from(gap).ok().and_then(|gap| due.checked_add(gap));
-        let ordinal = ordinal.filter(|ordinal| usize::from(*ordinal) < MAX_LEARNT);
+        let ordinal = known.get(index).copied().unwrap_or_default();
+        let ordinal = code_ordinal(coder, &mut gaps, due, ordinal);
         let ordinal = ordinal.ok_or_else(|| format!("removed splat {index} lies too far"))?;
         removed.push(ordinal);
         due = ordinal + 1;

@@ -2,6 +2,7 @@
 
 use super::super::id::PriorId;
 use super::UpdateError;
+use super::change::Change;
 use super::fade::Fade;
 use super::grid::UpdateGrid;
 use super::limits::{MAX_FADES, MAX_FRAME, MAX_LEARNT};
@@ -25,6 +26,9 @@ pub struct Update {
     /// The learnt splats that it takes back, by their place in [`Learnt::splats`](super::Learnt::splats) before it, in
     /// rising order.
     pub removed: Vec<u16>,
+    /// The learnt splats that change, in rising order of their places before it, at most [`MAX_LEARNT`]. None of them is
+    /// taken back.
+    pub changed: Vec<Change>,
     /// Where the prior's own splats fade, at most [`MAX_FADES`].
     pub fades: Vec<Fade>,
     /// The first and the last frame that it was learnt from, modulo 2²⁴.
@@ -46,7 +50,8 @@ impl Update {
         bytes.extend(self.grid.origin.map(f32::to_le_bytes).as_flattened());
         bytes.extend(self.grid.exponent.to_le_bytes());
         bytes.extend(self.frames.map(u32::to_le_bytes).as_flattened());
-        let counts = [self.splats.len(), self.removed.len(), self.fades.len()];
+        let Update { splats, removed, changed, fades, .. } = self;
+        let counts = [splats.len(), removed.len(), changed.len(), fades.len()];
         bytes.extend(counts.map(|count| (count as u32).to_le_bytes()).as_flattened());
         for splat in self.ordered() {
             bytes.extend(splat.position.map(i32::to_le_bytes).as_flattened());
@@ -56,6 +61,14 @@ impl Update {
             bytes.extend(splat.colour.map(i8::cast_unsigned));
         }
         bytes.extend(self.removed.iter().flat_map(|ordinal| ordinal.to_le_bytes()));
+        for change in &self.changed {
+            bytes.extend(change.ordinal.to_le_bytes());
+            bytes.extend(change.position.map(i32::to_le_bytes).as_flattened());
+            bytes.extend(change.log_scale.map(i8::cast_unsigned));
+            bytes.extend(change.rotation.map(i8::cast_unsigned));
+            bytes.push(change.opacity.cast_unsigned());
+            bytes.extend(change.colour.map(i8::cast_unsigned));
+        }
         for fade in &self.fades {
             bytes.extend([fade.min, fade.max].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
             bytes.push(fade.factor);
@@ -105,12 +118,24 @@ impl Update {
                 return refuse("splat", index, fault);
             }
         }
-        for (index, ordinal) in self.removed.iter().enumerate() {
-            if usize::from(*ordinal) >= MAX_LEARNT {
-                return refuse("removed splat", index, format!("{ordinal} of {MAX_LEARNT}"));
+        if let Some((index, fault)) = fault_of_ordinals(&self.removed) {
+            return refuse("removed splat", index, fault);
+        }
+        let changed: Vec<u16> = self.changed.iter().map(|change| change.ordinal).collect();
+        if let Some((index, fault)) = fault_of_ordinals(&changed) {
+            return refuse("changed splat", index, fault);
+        }
+        for (index, change) in self.changed.iter().enumerate() {
+            if self.removed.binary_search(&change.ordinal).is_ok() {
+                let ordinal = change.ordinal;
+                return refuse(
+                    "changed splat",
+                    index,
+                    format!("splat {ordinal} is taken back, too"),
+                );
             }
-            if index > 0 && self.removed[index - 1] >= *ordinal {
-                return refuse("removed splat", index, "they do not rise".into());
+            if change.is_nothing() {
+                return refuse("changed splat", index, "it stays as it is; leave it out".into());
             }
         }
         for (index, fade) in self.fades.iter().enumerate() {
@@ -120,4 +145,14 @@ impl Update {
         }
         Ok(())
     }
+}
+
+/// What is wrong with places of learnt splats, and with which one.
+fn fault_of_ordinals(ordinals: &[u16]) -> Option<(usize, String)> {
+    let beyond = ordinals.iter().position(|ordinal| usize::from(*ordinal) >= MAX_LEARNT);
+    if let Some(index) = beyond {
+        return Some((index, format!("{} of {MAX_LEARNT}", ordinals[index])));
+    }
+    let fallen = ordinals.windows(2).position(|pair| pair[0] >= pair[1])?;
+    Some((fallen + 1, "they do not rise".into()))
 }

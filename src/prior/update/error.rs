@@ -40,8 +40,11 @@ pub enum UpdateError {
     OtherChain { number: u16, before: StateId, state: StateId },
     #[error("a scene without room for updates: upload the prior with `upload_for_updates`")]
     NoRoom,
-    #[error("takes back splat {ordinal} of {learnt} learnt ones; it belongs to other updates")]
-    NotLearnt { ordinal: u16, learnt: usize },
+    #[error("{does} splat {ordinal} of {learnt} learnt ones; it belongs to other updates")]
+    NotLearnt { does: &'static str, ordinal: u16, learnt: usize },
+    /// The state before is right, so no other update is missing: another program wrote it.
+    #[error("changes learnt splat {ordinal} beyond what a splat can be: {reason}; write it anew")]
+    Change { ordinal: u16, reason: String },
     #[error("{count} learnt splats: at most {}; take back some before", MAX_LEARNT)]
     TooManyLearnt { count: usize },
     #[error("{count} fades in all updates: at most {}; fade larger boxes", MAX_FADES)]

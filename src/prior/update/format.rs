@@ -41,6 +41,7 @@ impl Update {
             frames: self.frames,
             splats: self.ordered(),
             removed: self.removed.clone(),
+            changed: self.changed.clone(),
             fades: self.fades.clone(),
         };
         let mut bytes = Vec::new();
@@ -78,6 +79,7 @@ impl Update {
             grid: body.grid(),
             splats: body.splats,
             removed: body.removed,
+            changed: body.changed,
             fades: body.fades,
             frames: body.frames,
         };

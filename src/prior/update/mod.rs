@@ -69,6 +69,8 @@
 mod attributes;
 mod bits;
 mod body;
+mod change;
+mod changes;
 mod content;
 mod error;
 mod fade;
@@ -83,6 +85,7 @@ mod places;
 mod splat;
 mod state;
 
+pub use change::Change;
 pub use content::Update;
 pub use error::UpdateError;
 pub use fade::Fade;

@@ -41,20 +41,21 @@ impl NewSplat {
     /// The splat in steps that looks most like one. Its axes are named so that the rotation is the smallest, since
     /// small rotations take the fewest bytes. Values out of range become the nearest ones in it; NaN becomes 0.
     pub fn nearest(splat: &LearntSplat, grid: &UpdateGrid) -> NewSplat {
-        let steps = |value: f32, step: f32| f64::from(value / step).round() as i8;
         let scales = splat.log_scale.map(|s| i32::from(steps(s, LOG_SCALE_STEP)));
-        let [w, x, y, z] = splat.rotation.map(f64::from);
-        let q = DQuat::from_xyzw(x, y, z, w);
-        let whole = q.length_squared() > 0.0 && q.is_finite();
-        let q = if whole { q.normalize() } else { DQuat::IDENTITY };
-        let (scales, q) = orientation::renamed(scales, q);
-        let q = without_idle_turn(scales, q);
-        let sign = f64::from(ROTATION_STEPS).copysign(q.w);
+        let (scales, q) = orientation::renamed(scales, unit(splat.rotation));
+        let rotation = turn_in_steps(without_idle_turn(scales, q));
+        let log_scale = scales.map(|s| s as i8);
+        NewSplat { log_scale, rotation, ..NewSplat::as_named(splat, grid) }
+    }
+
+    /// The same with its axes as they are named, and with turns that show nothing: to compare it with what it was
+    /// before.
+    pub(super) fn as_named(splat: &LearntSplat, grid: &UpdateGrid) -> NewSplat {
         let (least, most) = (*LOGITS.start(), *LOGITS.end());
         NewSplat {
             position: grid.steps(splat.position),
-            log_scale: scales.map(|s| s as i8),
-            rotation: [q.x, q.y, q.z].map(|v| (sign * v).round() as i8),
+            log_scale: splat.log_scale.map(|s| steps(s, LOG_SCALE_STEP)),
+            rotation: turn_in_steps(unit(splat.rotation)),
             opacity: steps(splat.logit, LOGIT_STEP).clamp(least, most),
             colour: splat.colour.map(|c| steps(c, COLOUR_STEP)),
         }
@@ -87,6 +88,24 @@ impl NewSplat {
         let known = LOGITS.contains(&opacity);
         (!known).then(|| format!("opacity of {opacity} steps: {least} to {most}"))
     }
+}
+
+fn steps(value: f32, step: f32) -> i8 {
+    f64::from(value / step).round() as i8
+}
+
+/// A quaternion made one of length 1; the one of no turn, if it has no length.
+fn unit(rotation: [f32; 4]) -> DQuat {
+    let [w, x, y, z] = rotation.map(f64::from);
+    let q = DQuat::from_xyzw(x, y, z, w);
+    let whole = q.length_squared() > 0.0 && q.is_finite();
+    if whole { q.normalize() } else { DQuat::IDENTITY }
+}
+
+/// x, y and z of a unit quaternion, or of the opposite one, whose w is not negative.
+fn turn_in_steps(q: DQuat) -> [i8; 3] {
+    let sign = f64::from(ROTATION_STEPS).copysign(q.w);
+    [q.x, q.y, q.z].map(|v| (sign * v).round() as i8)
 }
 
 /// The axis about which turns show nothing, because the other two scales are equal.

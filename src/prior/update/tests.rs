@@ -25,11 +25,27 @@ pub(crate) fn sample(number: u16, count: usize) -> Update {
         grid: UpdateGrid { origin: [1.5, -2.0, 8.25], exponent: -6 },
         splats: splats.collect(),
         removed: if number == 1 { vec![] } else { vec![0, 1, 5] },
+        changed: if number == 1 { vec![] } else { changes(&mut random) },
         fades: vec![Fade { min: [-4, 0, 0], max: [3, 2, 9], factor: 64 }],
         frames: [100, 160],
     };
     update.splats = update.ordered();
     update
+}
+
+/// Some changes of the learnt splats that [`sample`] does not take back.
+fn changes(random: &mut Random) -> Vec<Change> {
+    let ordinals = [2, 3, 7, 8, 4095];
+    let mut small = |most: f32| random.within(-most, most).round() as i8;
+    let change = |ordinal| Change {
+        ordinal,
+        position: [(); 3].map(|()| small(3.0).into()),
+        log_scale: [(); 3].map(|()| small(1.0)),
+        rotation: [(); 3].map(|()| small(1.0)),
+        opacity: small(1.0),
+        colour: [1, small(2.0), small(2.0)],
+    };
+    ordinals.map(change).to_vec()
 }
 
 pub(crate) fn written(update: &Update) -> Vec<u8> {
@@ -46,7 +62,7 @@ fn checked(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-fn splat() -> impl Strategy<Value = NewSplat> {
+pub(crate) fn splat() -> impl Strategy<Value = NewSplat> {
     let near = proptest::array::uniform3(-200_i32..200);
     let position = prop_oneof![8 => near, 1 => any::<[i32; 3]>()];
     let turn = proptest::array::uniform3(-ROTATION_STEPS..=ROTATION_STEPS);
@@ -58,6 +74,26 @@ fn splat() -> impl Strategy<Value = NewSplat> {
             if splat.is_round() { NewSplat { rotation: [0; 3], ..splat } } else { splat }
         },
     )
+}
+
+/// A change of no certain splat, which changes something.
+fn change() -> impl Strategy<Value = Change> {
+    let near = proptest::array::uniform3(-5_i32..5);
+    let position = prop_oneof![8 => near, 1 => any::<[i32; 3]>()];
+    let few = proptest::array::uniform3(-2_i8..3);
+    let small = prop_oneof![8 => few, 1 => any::<[i8; 3]>()];
+    let opacity = prop_oneof![8 => -2_i8..3, 1 => any::<i8>()];
+    let change = (position, small.clone(), small.clone(), opacity, small).prop_map(
+        |(position, log_scale, rotation, opacity, colour)| Change {
+            ordinal: 0,
+            position,
+            log_scale,
+            rotation,
+            opacity,
+            colour,
+        },
+    );
+    change.prop_filter("it changes something", |change| !change.is_nothing())
 }
 
 fn fade() -> impl Strategy<Value = Fade> {
@@ -75,9 +111,12 @@ prop_compose! {
         exponent in EXPONENTS,
         splats in proptest::collection::vec(splat(), 0..60),
         removed in proptest::collection::btree_set(0_u16..4096, 0..20),
+        changed in proptest::collection::btree_map(0_u16..4096, change(), 0..20),
         fades in proptest::collection::vec(fade(), 0..6),
         frames in proptest::array::uniform2(0..=MAX_FRAME),
     ) -> Update {
+        let changed = changed.into_iter().filter(|(ordinal, _)| !removed.contains(ordinal));
+        let changed = changed.map(|(ordinal, change)| Change { ordinal, ..change }).collect();
         Update {
             prior: PriorId(prior),
             number,
@@ -85,6 +124,7 @@ prop_compose! {
             grid: UpdateGrid { origin, exponent },
             splats,
             removed: removed.into_iter().collect(),
+            changed,
             fades,
             frames,
         }
@@ -141,16 +181,21 @@ fn the_bytes_are_part_of_the_format() {
     let check = u32::from_le_bytes(*bytes.last_chunk().unwrap());
     assert_eq!(
         (bytes.len(), check, update.state().to_string()),
-        (296, 1_873_821_293, "853005f2".into())
+        (319, 3_247_468_457, "7e698bb4".into())
     );
 }
 
 #[test]
 fn an_update_may_be_empty_or_full() {
     for count in [0, 1, MAX_LEARNT] {
-        let update = Update { removed: (0..4096).collect(), ..sample(2, count) };
+        let (removed, changed) = ((0..4096).collect(), vec![]);
+        let update = Update { removed, changed, ..sample(2, count) };
         assert_eq!(Update::read(&written(&update)).unwrap(), update);
     }
+    let change = |ordinal| Change { ordinal, opacity: 1, ..Change::default() };
+    let changed = (0..MAX_LEARNT as u16).map(change).collect();
+    let update = Update { removed: vec![], changed, ..sample(2, 3) };
+    assert_eq!(Update::read(&written(&update)).unwrap(), update);
     let alike = Update { splats: vec![NewSplat::default(); MAX_LEARNT], ..sample(1, 0) };
     let bytes = written(&alike);
     assert_eq!(Update::read(&bytes).unwrap(), alike);
@@ -240,6 +285,20 @@ fn what_no_update_can_hold_is_not_written() {
         (refused(|u| u.splats[1].rotation[0] = -13), "splat 1 of the update: rotation of -13"),
         (refused(|u| u.removed = vec![3, 3]), "removed splat 1 of the update: they do not rise"),
         (refused(|u| u.removed = vec![4096]), "removed splat 0 of the update: 4096 of 4096"),
+        (refused(|u| u.changed[1].ordinal = 2), "changed splat 1 of the update: they do not rise"),
+        (refused(|u| u.changed[4].ordinal = 4096), "changed splat 4 of the update: 4096 of 4096"),
+        (
+            refused(|u| u.changed = vec![u.changed[0]; 4097]),
+            "changed splat 1 of the update: they do not rise",
+        ),
+        (
+            refused(|u| u.changed[2].ordinal = 5),
+            "changed splat 2 of the update: splat 5 is taken back, too",
+        ),
+        (
+            refused(|u| u.changed[3] = Change { ordinal: 8, ..Change::default() }),
+            "changed splat 3 of the update: it stays as it is; leave it out",
+        ),
         (refused(|u| u.fades[0].max[1] = -1), "fade 0 of the update: its highest cell lies below"),
         (refused(|u| u.fades = vec![u.fades[0]; 257]), "257 fades in all updates: at most 256"),
         (refused(|u| u.splats = vec![u.splats[0]; 4097]), "4097 learnt splats: at most 4096"),

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{CAMERA, assert_silent, engine, pose, splats};
-use crate::prior::{Learnt, LearntSplat, Splats};
+use crate::prior::{Learnt, LearntSplat, NewSplat, Splats, Update, UpdateGrid};
 use crate::render::training::{
     FADING, Trainer, Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
 };
@@ -147,29 +147,48 @@ fn gradients_behind_a_scene_are_those_of_the_training_of_all() {
 }
 
 /// Learnt splats lie between the scene's own and those that are trained.
+/// The first `count` of some splats, learnt by one update.
+fn learnt(none: &Learnt, splats: &Splats, count: usize) -> Learnt {
+    let (stride, grid) = (splats.sh_stride(), UpdateGrid { origin: [0.0; 3], exponent: -8 });
+    let splat = |i: usize| LearntSplat {
+        position: splats.positions[i],
+        log_scale: splats.log_scales[i],
+        rotation: splats.rotations[i],
+        logit: splats.opacity_logits[i],
+        colour: [0, 1, 2].map(|k| splats.sh[i * stride + k]),
+    };
+    let update = Update {
+        prior: none.prior(),
+        number: 1,
+        before: none.state(),
+        grid,
+        splats: (0..count).map(|i| NewSplat::nearest(&splat(i), &grid)).collect(),
+        changed: Vec::new(),
+        removed: Vec::new(),
+        fades: Vec::new(),
+        frames: [0, 0],
+    };
+    let mut learnt = none.clone();
+    learnt.add(&update).unwrap();
+    learnt
+}
+
 #[test]
 fn learnt_splats_stay_before_those_that_are_trained() {
     let (case, pose) = (Case::new(30), pose(30));
-    let learnt = Case::new(31).all;
-    let (stride, between) = (learnt.sh_stride(), 40);
-    let tried: Vec<LearntSplat> = (0..between)
-        .map(|i| LearntSplat {
-            position: learnt.positions[i],
-            log_scale: learnt.log_scales[i],
-            rotation: learnt.rotations[i],
-            logit: learnt.opacity_logits[i],
-            colour: [0, 1, 2].map(|k| learnt.sh[i * stride + k]),
-        })
-        .collect();
+    let none = Learnt::none(case.prior.id());
+    let learnt = learnt(&none, &Case::new(31).all, 40);
+    let tried = learnt.splats();
+    let between = tried.len();
     let mut trainer = case.behind();
     let before = gradients(&mut trainer, &pose);
-    case.scene.set_learnt(&Learnt::none(case.prior.id()), &tried).unwrap();
+    case.scene.show(&learnt).unwrap();
     trainer.set_first(case.scene.first_tried(between).unwrap());
     let own = gradients(&mut trainer, &pose);
     assert_ne!(own, before);
 
     let mut all = case.prior.splats().clone();
-    crate::prior::update::append(&mut all, &tried);
+    crate::prior::update::append(&mut all, tried);
     let trained: Vec<bool> = (0..OWN + TRAINED).map(|i| i >= OWN).collect();
     let last = case.all.filtered(&trained);
     all.positions.extend(last.positions);
@@ -179,7 +198,7 @@ fn learnt_splats_stay_before_those_that_are_trained() {
     all.sh.extend(last.sh);
     assert_agree("behind learnt ones", &own, &gradients(&mut case.whole(&all), &pose));
 
-    case.scene.set_learnt(&Learnt::none(case.prior.id()), &[]).unwrap();
+    case.scene.show(&none).unwrap();
     trainer.set_first(case.scene.first_tried(0).unwrap());
     assert_eq!(gradients(&mut trainer, &pose), before, "the same bits again");
     assert_silent(&case.engine);

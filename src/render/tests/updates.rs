@@ -47,6 +47,7 @@ fn then(learnt: &Learnt, splats: Vec<NewSplat>, removed: &[u16], fades: &[Fade])
         grid: GRID,
         splats,
         removed: removed.to_vec(),
+        changed: Vec::new(),
         fades: fades.to_vec(),
         frames: [0, 0],
     };
@@ -122,7 +123,7 @@ impl Updated {
 
     /// What the merged prior draws, and what the scene draws by the old renderer. A new one draws the same.
     fn drawn(&mut self, learnt: &Learnt, seed: u64) -> [Drawn; 2] {
-        self.scene.set_learnt(learnt, &[]).unwrap();
+        self.scene.show(learnt).unwrap();
         let own = Drawn::by(&mut self.renderer, seed);
         assert!(Drawn::of(&self.engine, &self.scene, seed) == own, "by a new renderer");
         [Drawn::of(&self.engine, &self.merged(learnt), seed), own]
@@ -178,31 +179,26 @@ fn splats_that_fade_in_part_look_alike() {
     assert_silent(&updated.engine);
 }
 
-/// The splats that a learner tries come after the learnt ones, and go without a trace.
+/// A learner draws a part of what is learnt; afterwards all of it is drawn as before.
 #[test]
-fn splats_that_are_tried_are_drawn_like_learnt_ones() {
+fn a_part_of_what_is_learnt_goes_without_a_trace() {
     let mut updated = Updated::new(6);
     let first = then(&updated.none(), new_splats(6, 30), &[], &[]);
-    let before = updated.assert_same("what is learnt", &first, 6);
     let both = then(&first, new_splats(7, 25), &[], &[]);
-    updated.scene.set_learnt(&first, &both.splats()[30..]).unwrap();
-    let tried = Drawn::by(&mut updated.renderer, 6);
-    assert!(tried == updated.assert_same("tried, then learnt", &both, 6));
-    assert!(updated.assert_same("what was learnt before", &first, 6) == before);
+    let before = updated.assert_same("what is learnt", &both, 6);
+    let second: Vec<u16> = (30..55).collect();
+    updated.scene.show_part(&both.without(&second)).unwrap();
+    let part = Drawn::by(&mut updated.renderer, 6);
+    assert!(updated.assert_same("what is learnt again", &both, 6) == before);
+    assert!(part == updated.assert_same("the first update alone", &first, 6));
     assert_silent(&updated.engine);
 }
 
-/// A chain that is full, and all that a learner may try.
 #[test]
-fn there_is_room_for_all() {
+fn there_is_room_for_a_full_chain() {
     let mut updated = Updated::new(8);
     let full = then(&updated.none(), new_splats(8, 4096), &[], &[]);
     updated.assert_same("a full chain", &full, 8);
-    let tried = then(&updated.none(), new_splats(9, 512), &[], &[]);
-    updated.scene.set_learnt(&full, tried.splats()).unwrap();
-    let crowded = Drawn::by(&mut updated.renderer, 8);
-    updated.scene.set_learnt(&full, &[]).unwrap();
-    assert!(crowded.bytes != Drawn::by(&mut updated.renderer, 8).bytes);
     assert_silent(&updated.engine);
 }
 
@@ -223,7 +219,7 @@ fn a_search_goes_by_what_is_learnt() {
         let mut frame = Picture::new(CAMERA.width, CAMERA.height);
         let mut renderer = updated.engine.renderer(&merged, &CAMERA, Plan::picture()).unwrap();
         renderer.picture(&pose(seed), &mut frame).unwrap();
-        updated.scene.set_learnt(&learnt, &[]).unwrap();
+        own.set_learnt(&learnt).unwrap();
         own.reset();
         let start = pose(seed).stepped(&[0.02, -0.02, 0.03, 0.005, -0.006, 0.004]);
         let by_own = own.encode(&frame, Some(start)).unwrap();

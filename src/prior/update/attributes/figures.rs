@@ -60,10 +60,10 @@ fn object(seed: u64, count: usize, size: DVec3) -> Update {
         NewSplat::nearest(&splat, &grid)
     };
     let splats = (0..count).map(|_| splat(random)).collect();
-    let (removed, fades) = (Vec::new(), Vec::new());
+    let (removed, changed, fades) = (Vec::new(), Vec::new(), Vec::new());
     let (prior, before) = (PriorId(1), StateId(1));
     let mut update =
-        Update { prior, number: 1, before, grid, splats, removed, fades, frames: [0, 90] };
+        Update { prior, number: 1, before, grid, splats, removed, changed, fades, frames: [0, 90] };
     update.splats = update.ordered();
     update
 }

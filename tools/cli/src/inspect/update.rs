@@ -21,6 +21,7 @@ pub fn print(path: &Path) -> anyhow::Result<()> {
     let each = bytes as f64 / count.max(1) as f64;
     let each = if count > 0 { format!(", {each:.2} bytes each") } else { String::new() };
     row("splats", format!("{count} new{each}"));
+    row("changed", format!("{} learnt before", update.changed.len()));
     row("taken back", format!("{} learnt before", update.removed.len()));
     print_fades(&update);
     print_place(&update);

@@ -1,6 +1,6 @@
 //! `nvsprior merge`, and what `inspect` says of an update.
 
-use nvsprior::prior::{Learnt, NewSplat, Update, UpdateGrid};
+use nvsprior::prior::{Change, Learnt, NewSplat, Update, UpdateGrid};
 use nvsprior::{Prior, PriorId};
 
 use crate::dive::Dive;
@@ -39,6 +39,7 @@ fn updates(prior: PriorId) -> [Update; 3] {
         grid,
         splats: splats(40),
         removed: vec![],
+        changed: vec![],
         fades: vec![grid.fade([-0.5, -0.5, -9.0], [0.5, 0.5, 9.0], 128)],
         frames: [10, 90],
     };
@@ -47,12 +48,14 @@ fn updates(prior: PriorId) -> [Update; 3] {
         before: first.state(),
         splats: splats(1),
         removed: vec![0, 39],
+        changed: vec![Change { ordinal: 1, colour: [1, 0, 0], ..Change::default() }],
         fades: vec![],
-        ..first
+        ..first.clone()
     };
     let fades = vec![grid.fade([-0.5, -0.5, -9.0], [0.5, 0.5, 9.0], 0)];
     let before = second.state();
-    let third = Update { number: 3, before, splats: vec![], removed: vec![], fades, ..first };
+    let (splats, removed) = (vec![], vec![]);
+    let third = Update { number: 3, before, splats, removed, fades, ..first.clone() };
     let mut first = first;
     first.splats = Update::read(&bytes(&first)).unwrap().splats;
     [first, second, third]
