@@ -139,8 +139,7 @@ pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
     let opacity = |logit: f32| 1.0 / (1.0 + (-logit).exp());
     let fainter = (opacity(before.logit) - opacity(after.logit)).abs();
     let recoloured = SH_0 * far(before.colour, after.colour);
-    moved + grown + 2.0 * fainter + 4.0 * recoloured
-        > CHANGED
+    moved + grown + 2.0 * fainter + 4.0 * recoloured > CHANGED
 }
 
 /// How much that takes.
