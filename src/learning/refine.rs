@@ -147,4 +147,4 @@ pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
 }
 
 /// How much that takes.
-const CHANGED: f32 = 0.6;
+const CHANGED: f32 = 1.0;

@@ -77,8 +77,8 @@ fn small(values: [i32; 3]) -> Option<[i8; 3]> {
     Some([a?, b?, c?])
 }
 
-/// Numbers of one kind. How many of the others in the same splat are not zero, and the sign of the last one that is not,
-/// tell what the next one may be.
+/// Numbers of one kind. How many of the others in the same splat are not zero, and the sign of the last one that is
+/// not, tell what the next one may be.
 struct Field {
     zero: [Chance; 3],
     negative: [Chance; 3],

@@ -26,8 +26,8 @@ pub struct Update {
     /// The learnt splats that it takes back, by their place in [`Learnt::splats`](super::Learnt::splats) before it, in
     /// rising order.
     pub removed: Vec<u16>,
-    /// The learnt splats that change, in rising order of their places before it, at most [`MAX_LEARNT`]. None of them is
-    /// taken back.
+    /// The learnt splats that change, in rising order of their places before it, at most [`MAX_LEARNT`]. None of them
+    /// is taken back.
     pub changed: Vec<Change>,
     /// Where the prior's own splats fade, at most [`MAX_FADES`].
     pub fades: Vec<Fade>,

@@ -40,7 +40,8 @@ impl Learnt {
     /// Adds the next update of the chain. If it fails, nothing is changed.
     ///
     /// Fails if the update is not valid ([`Update::check`]), belongs to another prior or chain, is not the next one, or
-    /// takes back or changes what is not there; if a change leads to what no splat can be; or if there would be more than [`MAX_LEARNT`] splats or [`MAX_FADES`] fades.
+    /// takes back or changes what is not there; if a change leads to what no splat can be; or if there would be more
+    /// than [`MAX_LEARNT`] splats or [`MAX_FADES`] fades.
     pub fn add(&mut self, update: &Update) -> Result<(), UpdateError> {
         update.check()?;
         self.check_chain(update)?;
@@ -116,8 +117,8 @@ impl Learnt {
         Learnt { splats, steps: without(&self.steps, removed), ..self.clone() }
     }
 
-    /// The change by which the learnt splat `ordinal` comes nearest to `wanted`: it keeps the names of its axes, and its
-    /// grid. `None` if it stays as it is, or if there is no such splat.
+    /// The change by which the learnt splat `ordinal` comes nearest to `wanted`: it keeps the names of its axes, and
+    /// its grid. `None` if it stays as it is, or if there is no such splat.
     pub fn changed_to(&self, ordinal: u16, wanted: &LearntSplat) -> Option<Change> {
         let Steps { splat, grid } = self.steps.get(usize::from(ordinal))?;
         Change::between(ordinal, splat, &NewSplat::as_named(wanted, grid))

@@ -1,7 +1,7 @@
 //! An update of a prior, `.nvsu`: what a vehicle learns on a dive, as a file of about seven bytes per splat.
 //!
 //! Updates form a chain. Each one names the prior, its number and the state that it stands on; [`Learnt`] adds them up.
-//! An update adds splats, takes back splats of updates before, and fades the prior's own splats in boxes.
+//! An update adds splats, changes or takes back splats of updates before, and fades the prior's own splats in boxes.
 //!
 //! | byte | type | content |
 //! |---|---|---|
@@ -18,14 +18,17 @@
 //!
 //! 1. The grid: the three numbers of the origin, 32 plain bits each; the exponent of the step plus 40, 7 plain bits.
 //! 2. The first frame number, 24 plain bits, and how far the last one lies beyond, modulo 2²⁴.
-//! 3. How many splats are new, how many are taken back, and how many fades there are.
+//! 3. How many splats are new, how many are taken back, how many change, and how many fades there are.
 //! 4. The positions of the new splats, as a tree (`places.rs`): the least of each axis, the size of the box that holds
 //!    them all, then for each half of each box how many of its splats lie in the upper one.
 //! 5. What each splat looks like (`attributes.rs`): the scales, less what is expected after those before; the rotation,
 //!    unless the three scales are equal; the opacity; the colour as green, red less green, blue less green, each less
 //!    the mean of one of up to four colours.
 //! 6. Learnt splats that are taken back: how many stay between one and the next.
-//! 7. The fades: the lowest cell, less that of the fade before; the size; the factor, 8 plain bits.
+//! 7. Learnt splats that change (`changes.rs`). For each one how many lie between it and the one before; then what is
+//!    added to its position, scales, rotation, opacity and colour, in steps. Each number says whether it is zero, its
+//!    sign, and its size. The numbers before it in the same field give the chances of the first two.
+//! 8. The fades: the lowest cell, less that of the fade before; the size; the factor, 8 plain bits.
 //!
 //! **Order.** Splats come in the order of the tree, that of the Morton curve; those at one place keep theirs. Learnt
 //! splats are numbered in the order in which the updates brought them.
@@ -33,6 +36,9 @@
 //! **Rotations.** A splat looks the same after any of 24 renamings of its axes, and after any turn about an axis across
 //! which it is round. [`NewSplat::nearest`] takes the smallest rotation of all these. A splat with three equal scales
 //! has none in the file.
+//!
+//! **Changes.** A splat that changes keeps its place among the learnt ones, the names of its axes, and the grid that it
+//! came with. `removed` and `changed` name places before the update. No splat is in both.
 //!
 //! **State.** [`Update::state`] hashes the values, not the bytes: `content.rs` says in which order. If both sides of a
 //! link agree on the state, they hold the same splats and fades, to the last bit.
@@ -65,6 +71,12 @@
 //! (The rotation took 1.21, 1.19 and 1.18 bytes there, since turns that show nothing were still in it.) Chances that
 //! follow the last 15 bits, in place of 120, take up to 0.02 bytes more for each part. Those that follow the last 250
 //! take the same within 0.003 bytes. Chances that know nothing at first take 0.07 bytes more for 60 splats.
+//!
+//! A change takes 4.3 bytes: the mean of 3,024 changes that a learner made on a dive of the demo. That is for its place
+//! 0.14, the position 1.37, the scales 0.73, the rotation 0.88, the opacity 0.22, the colour 0.97. Of these numbers 15
+//! % (position) to 52 % (opacity) are zero. Other contexts, and colours as differences from green, take within 0.05
+//! bytes of that: the numbers hardly depend on each other. A splat that is taken back and sent anew takes about 6.5
+//! bytes.
 
 mod attributes;
 mod bits;
