@@ -17,7 +17,7 @@ use crate::shared::{
 use crate::{Camera, Pose, Prior, RenderOptions};
 
 use super::levels::{posed, prototype};
-use super::scene::{Held, Planes, centre};
+use super::splat_buffers::{Held, Planes, centre};
 
 /// A prior, ready to be drawn.
 pub struct Definition {

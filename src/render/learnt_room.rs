@@ -11,7 +11,7 @@ use crate::prior::update::{Learnt, LearntSplat, MAX_LEARNT, StateId, append};
 use crate::shared::{GEOMETRY_PLANES, sh_planes};
 use crate::vulkan::{Buffer, Device, Error, Memory, Part, Recorder, Timing};
 
-use super::scene::{self, SplatBuffers};
+use super::splat_buffers::{self, SplatBuffers};
 
 /// Splats that there is room for beside the learnt ones: those that a learner tries.
 pub(crate) const TRIED: usize = 512;
@@ -68,7 +68,7 @@ impl LearntRoom {
             own: own as u32,
             radius,
             sh_degree: analysis.sh_degree,
-            centre: scene::centre(prior),
+            centre: splat_buffers::centre(prior),
             positions: analysis.splats.iter().map(|i| positions[*i as usize]).collect(),
             opacities: geometry[first..][..2 * own].to_vec(),
             written: Mutex::new(Written {
@@ -144,8 +144,8 @@ impl LearntRoom {
         let mut own = Splats { sh_degree: self.sh_degree, ..Splats::default() };
         append(&mut own, all);
         let which: Vec<u32> = (0..all.len() as u32).collect();
-        geometry.write(&scene::geometry(&own, &which, which.len(), self.centre));
-        sh.write(&scene::sh_planes(&own, &which, which.len(), self.sh_degree));
+        geometry.write(&splat_buffers::geometry(&own, &which, which.len(), self.centre));
+        sh.write(&splat_buffers::sh_planes(&own, &which, which.len(), self.sh_degree));
         let parts = |planes: u32| -> Vec<Part> {
             let words = 2 * all.len() as u64;
             let to = |plane| 2 * (plane * u64::from(splats.room) + u64::from(self.own));

@@ -10,7 +10,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
 
 use super::binning::{self, Binning};
-use super::scene::{Held, SplatBuffers};
+use super::splat_buffers::{Held, SplatBuffers};
 use super::{Scene, kernels};
 
 /// One picture size.

@@ -16,6 +16,7 @@ pub mod probe;
 mod radix;
 mod renderer;
 mod scene;
+mod splat_buffers;
 mod stages;
 #[cfg(test)]
 mod tests;

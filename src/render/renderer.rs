@@ -16,7 +16,7 @@ use super::jacobian::Jacobian;
 use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
-use super::scene::Held;
+use super::splat_buffers::Held;
 use super::stages::{CameraPose, Channels, PictureEnds, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};

@@ -10,7 +10,7 @@ use super::frame::{Bytes, FrameBuffers};
 use super::jacobian::Jacobian;
 use super::levels::{Level, LevelBuffers, Pass};
 use super::radix::{Sort, SortPrecision};
-use super::scene::SplatBuffers;
+use super::splat_buffers::SplatBuffers;
 use super::workspace::Workspace;
 
 /// Evaluations that a frame's first submission has room for. A frame that follows another takes one or two. Unused ones

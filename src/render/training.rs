@@ -21,7 +21,7 @@ use crate::{Camera, Picture, Pose};
 use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
-use super::scene::{Held, SplatBuffers};
+use super::splat_buffers::{Held, SplatBuffers};
 use super::stages::{CameraPose, Channels, Stages};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};

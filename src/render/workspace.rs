@@ -3,7 +3,7 @@
 use crate::shared::{Counters, DERIVATIVES, RECORD};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
-use super::scene::SplatBuffers;
+use super::splat_buffers::SplatBuffers;
 use super::{kernels, radix};
 
 /// Splat-sized and pair-sized buffers.

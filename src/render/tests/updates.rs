@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{CAMERA, assert_silent, engine, pose, splats};
-use crate::prior::{Fade, Learnt, NewSplat, Update, UpdateGrid};
+use crate::prior::{Fade, Learnt, NewSplat, Update, UpdateError, UpdateGrid};
 use crate::random::Random;
 use crate::render::levels::anchor;
 use crate::render::{Plan, Renderer, Scene};
@@ -240,11 +240,11 @@ fn a_scene_without_room_refuses_to_learn() {
     let options = EncoderOptions::default();
     let scene = engine.upload(&prior).unwrap();
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options.clone()).unwrap();
-    let error = encoder.learn(None, &crate::learning::LearnOptions::default()).unwrap_err();
-    assert!(matches!(error, crate::Error::NoRoomForUpdates), "{error}");
-    assert!(encoder.learnt().is_none());
+    let error = encoder.learn(&crate::learning::LearnOptions::default()).unwrap_err();
+    assert!(matches!(error, crate::Error::Update(UpdateError::NoRoom)), "{error}");
+    assert!(encoder.learner_stats().is_none());
     let scene = engine.upload_for_updates(&prior).unwrap();
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
-    encoder.learn(None, &crate::learning::LearnOptions::default()).unwrap();
-    assert!(encoder.learnt().is_some());
+    encoder.learn(&crate::learning::LearnOptions::default()).unwrap();
+    assert!(encoder.learner_stats().is_some());
 }
