@@ -25,8 +25,8 @@ const FREE: f64 = 0.6;
 const LAST: f64 = 0.1;
 /// Rates at the start: of positions, in median distances; log scales, rotations, opacities, colours.
 const RATES: [f32; 5] = [8e-4, 0.04, 0.02, 0.1, 0.04];
-/// Pull of opacities towards 0, per splat: a splat stays if it lowers the loss by more. A splat takes some 6 bytes once.
-/// In the demo's basin a lower loss spared the same at about this exchange, over a dozen frames.
+/// Pull of opacities towards 0, per splat: a splat stays if it lowers the loss by more. On run T2 of the demo a splat
+/// that lowers it by this spares about the bytes that it takes, over a dozen frames.
 const OPACITY_PULL: f32 = 1.5e-5;
 /// Errors below it count by their squares, of 1.
 const KNEE: f32 = 0.1;

@@ -82,8 +82,8 @@
 //! another frame. Bytes after the last part are ignored: modems pad.
 //!
 //! **Later versions** keep the first byte's high four bits, and end their latent part with the CRC-16 of all bytes
-//! before it, after 19, 20, 31 or 43 bytes. So a packet of a later version is told from garbage ([`PacketError::Version`]),
-//! by a check that one random packet in 21,845 of such a first byte passes.
+//! before it, after 19, 20, 31 or 43 bytes. So a packet of a later version is told from garbage
+//! ([`PacketError::Version`]), by a check that one random packet in 16,384 of such a first byte passes.
 //!
 //! A decoder cannot use a packet if it holds no camera with the packet's tag. It must not use a
 //! packet of another prior ([`Session::check`]).
