@@ -385,7 +385,7 @@ impl Learner {
     fn turn(&mut self, draft: &Draft) -> usize {
         let (all, newest) = (draft.frames.len(), self.options.frames.min(draft.frames.len()));
         let bits = self.random.bits();
-        let among = if bits % 3 > 0 { newest } else { all };
+        let among = if bits.is_multiple_of(3) { all } else { newest };
         all - 1 - ((bits >> 8) % among as u64) as usize
     }
 
