@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::frame_work::{FoundFrame, FrameWork, TrackedStream};
+#[cfg(feature = "training")]
+use crate::frame_work::FoundFrame;
+use crate::frame_work::{FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 #[cfg(feature = "training")]
 use crate::learning::{Beside, Found, LearnOptions, LearnerStats};
@@ -405,7 +407,10 @@ impl Encoder {
         let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
-        work.found = FoundFrame { number: self.frame, certain: found.certain };
+        #[cfg(feature = "training")]
+        {
+            work.found = FoundFrame { number: self.frame, certain: found.certain };
+        }
         stats.frame = self.frame;
         stats.reference = None;
         stats.start = found.start;

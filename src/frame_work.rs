@@ -34,6 +34,7 @@ pub(crate) struct FrameWork {
     /// Depths of the render; in streams only.
     pub depths: Vec<f32>,
     pub pose: Pose,
+    #[cfg(feature = "training")]
     pub found: FoundFrame,
     /// As far as they are known.
     pub stats: FrameStats,
@@ -41,6 +42,7 @@ pub(crate) struct FrameWork {
 }
 
 /// What a learner needs to know of a frame.
+#[cfg(feature = "training")]
 #[derive(Clone, Copy, Default)]
 pub(crate) struct FoundFrame {
     pub number: u32,

@@ -112,6 +112,7 @@ impl Learnt {
 
     /// The same without some learnt splats, by their places, in rising order: what an update that takes them back will
     /// make of it.
+    #[cfg(any(test, feature = "training"))]
     pub(crate) fn without(&self, removed: &[u16]) -> Learnt {
         let splats = without(&self.splats, removed);
         Learnt { splats, steps: without(&self.steps, removed), ..self.clone() }

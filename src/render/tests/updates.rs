@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{CAMERA, assert_silent, engine, pose, splats};
-use crate::prior::{Fade, Learnt, NewSplat, Update, UpdateError, UpdateGrid};
+use crate::prior::{Fade, Learnt, NewSplat, Update, UpdateGrid};
 use crate::random::Random;
 use crate::render::levels::anchor;
 use crate::render::{Plan, Renderer, Scene};
@@ -180,6 +180,7 @@ fn splats_that_fade_in_part_look_alike() {
 }
 
 /// A learner draws a part of what is learnt; afterwards all of it is drawn as before.
+#[cfg(feature = "training")]
 #[test]
 fn a_part_of_what_is_learnt_goes_without_a_trace() {
     let mut updated = Updated::new(6);
@@ -241,7 +242,7 @@ fn a_scene_without_room_refuses_to_learn() {
     let scene = engine.upload(&prior).unwrap();
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options.clone()).unwrap();
     let error = encoder.learn(&crate::learning::LearnOptions::default()).unwrap_err();
-    assert!(matches!(error, crate::Error::Update(UpdateError::NoRoom)), "{error}");
+    assert!(matches!(error, crate::Error::Update(crate::prior::UpdateError::NoRoom)), "{error}");
     assert!(encoder.learner_stats().is_none());
     let scene = engine.upload_for_updates(&prior).unwrap();
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
