@@ -171,6 +171,9 @@ impl Decoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
+        if self.learnt().number() > 0 {
+            scene.check_learnt(self.learnt())?;
+        }
         (self.engine, self.scene, self.camera_decoder) = (engine.clone(), scene.clone(), None);
         Ok(())
     }

@@ -194,7 +194,7 @@ impl Encoder {
                 self.residual = ResidualEncoder::new(&self.residual_setup());
             }
             #[cfg(feature = "training")]
-            self.go_on_learning()?;
+            self.go_on_learning();
             self.camera_age = None;
         }
         self.mask = mask;
@@ -256,13 +256,16 @@ impl Encoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
+        if self.learnt.number() > 0 {
+            scene.check_learnt(&self.learnt)?;
+        }
         self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
         self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
         self.residual = ResidualEncoder::new(&self.residual_setup());
         #[cfg(feature = "training")]
-        self.go_on_learning()?;
+        self.go_on_learning();
         Ok(())
     }
 
@@ -601,9 +604,9 @@ impl Encoder {
         }
     }
 
-    fn go_on_learning(&mut self) -> Result<(), Error> {
+    fn go_on_learning(&mut self) {
         let setup = self.residual_setup();
-        self.beside.go_on(&self.engine, &self.scene, &self.camera, &setup)
+        self.beside.go_on(&self.engine, &self.scene, &self.camera, &setup);
     }
 }
 

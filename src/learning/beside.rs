@@ -33,22 +33,22 @@ impl Beside {
         Ok(())
     }
 
-    /// Goes on with another camera or device. What was learnt stays.
+    /// Goes on with another camera or device. What was learnt stays. If it fails, learning ends, and
+    /// [`take_update`](Self::take_update) says why.
     pub fn go_on(
         &mut self,
         engine: &Engine,
         scene: &Arc<Scene>,
         camera: &Camera,
         setup: &ResidualSetup,
-    ) -> Result<(), Error> {
-        let Some((learner, options)) = self.learner.take() else { return Ok(()) };
+    ) {
+        let Some((learner, options)) = self.learner.take() else { return };
         let learnt = learner.learnt().clone();
         // The new one takes its room on the device.
         drop(learner);
         let update = self.update.take();
-        self.begin(engine, scene, camera, setup, &learnt, &options)?;
-        self.update = update;
-        Ok(())
+        let begun = self.begin(engine, scene, camera, setup, &learnt, &options);
+        (self.update, self.failed) = (update, begun.err());
     }
 
     /// Lets the learner see a frame, and do its slice of work. Returns what is learnt, if that has changed.
@@ -72,9 +72,12 @@ impl Beside {
 
     /// The update that was given out last, once.
     pub fn take_update(&mut self) -> Result<Option<Vec<u8>>, Error> {
-        match self.failed.take() {
-            Some(error) => Err(error),
-            None => Ok(self.update.take()),
+        match (self.update.take(), self.failed.take()) {
+            (None, Some(error)) => Err(error),
+            (update, failed) => {
+                self.failed = failed;
+                Ok(update)
+            }
         }
     }
 

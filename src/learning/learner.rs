@@ -131,7 +131,7 @@ impl Learner {
         };
         Ok(Learner {
             scene: scene.clone(),
-            options: options.clone(),
+            options: options.in_range(),
             camera: *camera,
             renderer: engine.renderer(scene, camera, Plan::picture())?,
             trainer: engine.trainer_behind(scene, &plan)?,
@@ -243,7 +243,8 @@ impl Learner {
 
     /// Begins an episode; `None`: the frames show nothing new.
     fn begin(&mut self) -> Result<Option<Draft>, Error> {
-        if self.kept.iter().any(|kept| kept.shown.is_none()) {
+        let full = self.learnt.number() == u16::MAX;
+        if full || self.kept.iter().any(|kept| kept.shown.is_none()) {
             return Ok(None);
         }
         self.fresh = 0;

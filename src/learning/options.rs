@@ -1,6 +1,6 @@
 //! How to learn.
 
-/// How a [`Learner`](super::Learner) learns.
+/// How a vehicle learns. Numbers that make no sense are taken as the nearest that does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnOptions {
     /// Steps of training per frame. A step takes about as long as two to three forward renders.
@@ -19,6 +19,22 @@ pub struct LearnOptions {
     pub horizon: u32,
     /// Frames that an update is judged by, none of which it was learnt from.
     pub judged: usize,
+}
+
+impl LearnOptions {
+    /// With all numbers in their ranges.
+    pub(super) fn in_range(&self) -> LearnOptions {
+        let frames = self.frames.clamp(3, 64);
+        LearnOptions {
+            steps_per_frame: self.steps_per_frame.max(1),
+            steps: self.steps.max(1),
+            frames,
+            fewest_frames: self.fewest_frames.clamp(3, frames),
+            splats: self.splats.min(256),
+            judged: self.judged.clamp(2, 64),
+            ..self.clone()
+        }
+    }
 }
 
 impl Default for LearnOptions {
