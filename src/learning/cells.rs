@@ -34,7 +34,8 @@ pub struct Shown {
     pub depths: Vec<f32>,
 }
 
-/// Adds splats where a frame differs from its render and no splat of `starts` shows yet, `most` in all.
+/// Adds a splat to `starts` for each cell in which a frame differs from its render, unless one shows there already.
+/// There will be `most` of them at most.
 pub fn add_starts(
     key: &KeyFrame,
     shown: &Shown,
@@ -48,13 +49,8 @@ pub fn add_starts(
     let across = width.div_ceil(cell);
     let mut covered = vec![false; across * height.div_ceil(cell)];
     for start in starts.iter() {
-        if let Some(([x, y], _)) = key.seen(start.position)
-            && x >= 0.0
-            && y >= 0.0
-            && x < width as f64
-            && y < height as f64
-        {
-            covered[y as usize / cell * across + x as usize / cell] = true;
+        if let Some([x, y]) = key.pixel_of(start.position) {
+            covered[y / cell * across + x / cell] = true;
         }
     }
     let difference = differences(key, shown);

@@ -65,6 +65,14 @@ impl KeyFrame {
         })
     }
 
+    /// The pixel that a point of the world shows in, column and row; `None`: beyond the picture.
+    pub fn pixel_of(&self, point: DVec3) -> Option<[usize; 2]> {
+        let ([x, y], _) = self.seen(point)?;
+        let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
+        let inside = (0.0..width).contains(&x) && (0.0..height).contains(&y);
+        inside.then_some([x as usize, y as usize])
+    }
+
     /// Colour between pixels, 0 to 255; `None` beyond the picture.
     pub fn colour_at(&self, [x, y]: [f64; 2]) -> Option<[f32; 3]> {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);

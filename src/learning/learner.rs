@@ -207,12 +207,11 @@ impl Learner {
         Ok(())
     }
 
-    /// Keeps some of the older key frames, so that what they show is not forgotten: evenly over the dive, the newer
-    /// half denser.
+    /// Keeps some of the older key frames, so that what they show is not forgotten.
     fn age(&mut self, frame: Arc<KeyFrame>) {
         self.older.push(frame);
         if self.older.len() > OLDER {
-            // The oldest pair becomes one: the pair whose frames are nearest to each other in number.
+            // Leave out the one whose next follows soonest. So the others spread over the dive.
             let gap = |i: &usize| self.older[i + 1].number.wrapping_sub(self.older[*i].number);
             let closest = (1..self.older.len() - 1).min_by_key(|i| gap(i)).unwrap_or(0);
             self.older.remove(closest);
@@ -221,12 +220,10 @@ impl Learner {
 
     fn shown(&mut self, pose: &Pose) -> Result<Shown, Error> {
         let mut render = Picture::new(self.camera.width, self.camera.height);
-        let floats = self.renderer.draw(pose)?;
-        let pixels = floats.as_chunks::<5>().0;
-        let depths = pixels.iter().map(|[.., z, left]| z / (1.0 - left).max(1e-3)).collect();
+        let pixels = self.renderer.draw(pose)?.as_chunks::<5>().0;
         let bytes = pixels.iter().flat_map(|[r, g, b, ..]| [*r, *g, *b]);
         render.data.iter_mut().zip(bytes).for_each(|(to, v)| *to = crate::render::to_byte(v));
-        Ok(Shown { render, depths })
+        Ok(Shown { render, depths: self.renderer.depths().collect() })
     }
 
     /// Draws some key frames anew, after an update.
@@ -279,12 +276,7 @@ impl Learner {
     fn again(&self, removed: &[u16], most: usize) -> Vec<u16> {
         let seen = |splat: &LearntSplat| {
             let point = DVec3::from(splat.position.map(f64::from));
-            let (width, height) = (f64::from(self.camera.width), f64::from(self.camera.height));
-            self.kept.iter().any(|kept| {
-                kept.frame.seen(point).is_some_and(|([x, y], _)| {
-                    (0.0..width).contains(&x) && (0.0..height).contains(&y)
-                })
-            })
+            self.kept.iter().any(|kept| kept.frame.pixel_of(point).is_some())
         };
         let all = (0..).zip(self.learnt.splats());
         let shown =

@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::prior::update::{COLOUR_STEP, LOG_SCALE_STEP, LOGIT_STEP, ROTATION_STEPS};
 use crate::prior::{LearntSplat, UpdateGrid};
 use crate::random::Random;
-use crate::render::training::{FADING, Training, TrainingState};
+use crate::render::training::{FADING, SH_0, Training, TrainingState, UNUSED};
 use crate::shared::sh_coefficients;
 use crate::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 
@@ -13,10 +13,6 @@ use super::cells::Start;
 
 /// Logit of the opacity of a first splat.
 const FIRST_LOGIT: f32 = 1.6;
-/// Logit of the opacity of splats that are not in use: they show nowhere.
-const UNUSED: f32 = -20.0;
-/// The first coefficient's basis function.
-const SH_0: f32 = 0.282_094_8;
 /// Splats of a lower opacity than this logit's are left out of the update.
 const FAINT: f32 = -2.8;
 /// Share of the steps that are taken with splats as they are, before they are rounded.

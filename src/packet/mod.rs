@@ -147,7 +147,7 @@ pub const LONGEST_LATENT: usize = form::FIXED_LEN + pose::LONGEST;
 /// Length of the latent part in the short form, bytes.
 pub const SHORT_LATENT_LEN: usize = form::SHORT_LATENT_LEN;
 
-/// The same of a frame that is drawn with updates, bytes.
+/// Length of the latent part in the short form of a frame that is drawn with updates, bytes.
 pub const LEARNT_SHORT_LEN: usize = form::LEARNT_SHORT_LEN;
 
 /// Length of the camera part, bytes.

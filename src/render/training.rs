@@ -29,6 +29,11 @@ use super::{Kernels, Scene};
 pub use crate::training::{FADING, Training};
 pub use memory::{Fits, NoRoom, Shortage, TrainingMemory};
 
+/// The first basis function of the spherical harmonics: a coefficient times it, plus ½, is a colour.
+pub const SH_0: f32 = 0.282_094_8;
+/// Logit of the opacity of splats that are not in use: they show nowhere.
+pub const UNUSED: f32 = -20.0;
+
 /// Tiles that a splat shows in, on average: there is room for so many from the start, if they are not very many. On the
 /// reef it is one to three.
 const PAIRS_PER_SPLAT: u32 = 5;

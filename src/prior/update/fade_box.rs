@@ -1,9 +1,9 @@
-//! Fades where they lie in the scene.
+//! Boxes of fades, in the prior's unit.
 
 use super::fade::Fade;
 use super::grid::UpdateGrid;
 
-/// A fade where it lies in the scene.
+/// A fade with its box in the prior's unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FadeBox {
     /// The prior's unit; belongs to the box.

@@ -17,7 +17,7 @@ impl From<PriorId> for StateId {
     }
 }
 
-/// Packets name a state where they name a prior.
+/// A packet holds a state in place of a prior's identity.
 impl From<StateId> for PriorId {
     fn from(state: StateId) -> PriorId {
         PriorId(state.0)

@@ -34,7 +34,7 @@ pub fn mapped() -> Scene {
     of_pipes(pipes())
 }
 
-/// The scene as mapped, but for the pipes.
+/// The scene as mapped, without the pipes.
 pub fn of_pipes(pipes: impl IntoIterator<Item = Solid>) -> Scene {
     let mut groups: Vec<Group> = pile_feet().enumerate().map(pile).collect();
     groups.extend(pipes.into_iter().map(|pipe| Group::new(vec![pipe])));

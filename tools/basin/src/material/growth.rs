@@ -21,7 +21,7 @@ pub fn grown(spot: &Spot, bare: Vec3) -> Vec3 {
     }
 }
 
-/// A film of algae on all of it, weed in patches, young barnacles where it is thick.
+/// All of it has a film of algae. Patches have weed, and thick weed has young barnacles.
 fn overgrown(spot: &Spot, bare: Vec3) -> Vec3 {
     let thick = thickness(spot.position, spot.footprint, spot.weeks);
     let film = Vec3::new(0.16, 0.20, 0.06);

@@ -4,6 +4,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use nvsprior::random::Random;
+use nvsprior::render::training::{SH_0, UNUSED};
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 
 use super::MapOptions;
@@ -19,8 +20,6 @@ pub struct ColouredPoint {
     pub rgb: [f32; 3],
 }
 
-/// Logit of the opacity of splats that are not in use: they show nowhere.
-pub const UNUSED: f32 = -20.0;
 /// Standard deviation of a first splat, in mean distances to its three nearest neighbours.
 const SPREAD: f32 = 0.5;
 /// Share of random points among the first ones if there are no points.
@@ -29,8 +28,6 @@ const RANDOM_SHARE: f64 = 0.5;
 const NEAREST: f64 = 0.3;
 /// Depth of the farthest ones, in depths of the nearest.
 const FARTHEST: f32 = 50.0;
-/// The first coefficient's basis function.
-const SH_0: f32 = 0.282_094_8;
 
 /// The parameters' planes, and how many splats are in use.
 pub fn start(
