@@ -5,7 +5,7 @@ mod states;
 use std::sync::Arc;
 
 use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, Session};
-use crate::prior::{Learnt, Update};
+use crate::prior::{Learnt, StateId, Update};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
 use crate::{Camera, Engine, Error, Picture, Pose};
@@ -178,12 +178,16 @@ impl Decoder {
         Ok(())
     }
 
-    /// Takes the next update of the prior, as it travels. Returns its number. Packets that are drawn with it can be
-    /// decoded from here on; those of some updates before still can.
+    /// Takes an update of the prior, as it travels. Returns the number of the newest update. Packets that are drawn with
+    /// it can be decoded from here on; those of some updates before still can. An update that is there already changes
+    /// nothing. One that stands on an earlier state is the first one of a new chain: the vehicle has begun anew from
+    /// that state, and the updates after it are forgotten.
     ///
     /// # Errors
-    /// If it is damaged, not the next one of the chain, or if the scene was not
-    /// [uploaded for updates](Engine::upload_for_updates). Nothing changes then.
+    /// If it is damaged, of another prior, or does not stand on a state that is held: others come before it. If the
+    /// scene was not [uploaded for updates](Engine::upload_for_updates). Nothing changes then, but in one case: if the
+    /// state was held and is not any more, since it is more than eight updates back, all updates are forgotten, and the
+    /// vehicle must send them again.
     pub fn add_update(&mut self, bytes: &[u8]) -> Result<u16, Error> {
         let newest = self.states.newest();
         self.scene.check_learnt(self.states.learnt(newest))?;
@@ -191,13 +195,19 @@ impl Decoder {
         Ok(self.learnt().number())
     }
 
-    /// Takes what was learnt before: the updates of an earlier dive.
+    /// The states that are held beside the prior alone: the number of each update and the state after it, newest first.
+    /// Reports tell them: [`Report::tell_states`](crate::modem::Report::tell_states).
+    pub fn states(&self) -> impl Iterator<Item = (u16, StateId)> {
+        self.states.all().map(|learnt| (learnt.number(), learnt.state()))
+    }
+
+    /// Takes what was learnt before: the updates of an earlier dive. Other updates are forgotten.
     ///
     /// # Errors
     /// If it is of another prior, or if the scene was not uploaded for updates.
     pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
         self.scene.check_learnt(learnt)?;
-        self.states.push(learnt.clone());
+        self.states.begin(learnt.clone());
         Ok(())
     }
 
@@ -266,6 +276,7 @@ impl Decoder {
         let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
         let here = self.engine.device().portable;
         let frame = latent.frame_near(self.last_frame);
+        self.states.note(&latent);
         let state = self.state_of(&latent);
         let shown = state.unwrap_or(self.states.newest());
         let missing = state.is_none().then_some(latent.update).flatten();

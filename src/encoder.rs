@@ -227,13 +227,16 @@ impl Encoder {
         residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
     }
 
-    /// Draws what was learnt, with the updates of an earlier dive for one, from the next frame on.
+    /// Draws what was learnt, with the updates of an earlier dive for one, from the next frame on. An update that waits
+    /// to be adopted is dropped.
     ///
     /// # Errors
     /// If the scene was not [uploaded for updates](Engine::upload_for_updates), or the updates are of another prior.
     pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
         self.scene.check_learnt(learnt)?;
         self.scene.show(learnt)?;
+        #[cfg(feature = "training")]
+        self.beside.drop_waiting();
         self.show(learnt.clone());
         Ok(())
     }
@@ -574,13 +577,30 @@ impl Encoder {
         self.beside.begin(engine, scene, camera, &setup, learnt, options)
     }
 
-    /// The update that the last frame proved, `.nvsu`; `None`: it proved none. Packets of later frames need it. The
-    /// learner waits until it is taken.
+    /// The update that the last frame proved, `.nvsu`; `None`: it proved none. Frames are drawn with it once it is
+    /// [adopted](Encoder::adopt). Until then, or until it is dropped, the learner only collects frames.
     ///
     /// # Errors
     /// If learning has failed. It has ended then; what was learnt before stays.
     pub fn take_update(&mut self) -> Result<Option<Vec<u8>>, Error> {
         self.beside.take_update()
+    }
+
+    /// Number of the update that was proved, and neither adopted nor dropped.
+    pub fn waiting_update(&self) -> Option<u16> {
+        self.beside.waiting()
+    }
+
+    /// Draws with the update that waits from the next frame on, if it has this number: the topside holds it, as
+    /// [`Sender::held_update`](crate::modem::Sender::held_update) tells. Its packet names the state in full, and is
+    /// predicted from none. `false`: another one waits, or none, and nothing changes.
+    pub fn adopt(&mut self, number: u16) -> bool {
+        self.beside.adopt(number).map(|after| self.show(after)).is_some()
+    }
+
+    /// Drops the update that waits: it cannot be sent. The learner goes on without it.
+    pub fn drop_update(&mut self) {
+        self.beside.drop_waiting();
     }
 
     /// What the learner did; `None`: the encoder does not learn.
@@ -599,9 +619,7 @@ impl Encoder {
             mask: work.mask.as_deref(),
             rate: work.rate,
         };
-        if let Some(learnt) = self.beside.frame(&found) {
-            self.show(learnt);
-        }
+        self.beside.frame(&found);
     }
 
     fn go_on_learning(&mut self) {

@@ -89,7 +89,8 @@ fn heap_calls_of_link(packets: &[Vec<u8>], protection: Protection) -> usize {
         loss: Loss { chance: 0.3, burst: 2.0 },
         user: user.map(<[u8]>::len),
     };
-    let options = SenderOptions { control, stream: 0, protection, expect_reports: true };
+    let options =
+        SenderOptions { control, stream: 0, protection, expect_reports: true, updates: None };
     let mut sender = Sender::new(options).unwrap();
     let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
     let region = Region::new(ALLOCATOR);

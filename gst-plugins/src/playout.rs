@@ -124,7 +124,7 @@ impl Playout {
                 }
                 Some(i64::from(frame))
             }
-            Collected::Kept => None,
+            Collected::Kept | Collected::Update(_) => None,
             Collected::Duplicate | Collected::Surplus | Collected::Damaged(..) => return Ok(()),
         };
         if let Some(stated) = frame {

@@ -106,6 +106,7 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
         streams: or(given.streams, defaults.streams),
         age: if given.age == 0.0 { defaults.age } else { given.age },
         modem_checks: given.flags & NVSP_COLLECTOR_MODEM_CHECKS != 0,
+        update_bytes: defaults.update_bytes,
     })
 }
 
@@ -189,7 +190,7 @@ pub unsafe extern "C" fn nvsp_collector_push(
                 event: NVSP_EVENT_GROWN,
                 ..state_of(stream, content.packet(stream, frame))
             },
-            Collected::Kept => of(NVSP_EVENT_KEPT),
+            Collected::Kept | Collected::Update(_) => of(NVSP_EVENT_KEPT),
             Collected::Duplicate => of(NVSP_EVENT_DUPLICATE),
             Collected::Surplus => of(NVSP_EVENT_SURPLUS),
             Collected::Damaged(..) => of(NVSP_EVENT_DAMAGED),

@@ -199,6 +199,7 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
         stream: options.stream as u8,
         protection: if unprotected { Protection::None } else { Protection::Layers },
         expect_reports: is_set(NVSP_SENDER_EXPECT_REPORTS),
+        updates: None,
     })
 }
 

@@ -7,13 +7,16 @@ use crate::render::Scene;
 use crate::residual::ResidualSetup;
 use crate::{Camera, Engine, Error};
 
-use super::{Found, LearnOptions, Learner, LearnerStats};
+use super::{Found, LearnOptions, Learner, LearnerStats, Proven};
 
 /// A place for a learner; at first there is none.
 #[derive(Default)]
 pub(crate) struct Beside {
     learner: Option<(Learner, LearnOptions)>,
+    /// Bytes of the update that was proven last, until they are taken.
     update: Option<Vec<u8>>,
+    /// What is learnt with that update, until it is adopted or dropped.
+    waiting: Option<Learnt>,
     failed: Option<Error>,
 }
 
@@ -46,28 +49,45 @@ impl Beside {
         let learnt = learner.learnt().clone();
         // The new one takes its room on the device.
         drop(learner);
-        let update = self.update.take();
+        let (update, waiting) = (self.update.take(), self.waiting.take());
         let begun = self.begin(engine, scene, camera, setup, &learnt, &options);
-        (self.update, self.failed) = (update, begun.err());
+        (self.update, self.waiting, self.failed) = (update, waiting, begun.err());
     }
 
-    /// Lets the learner see a frame, and do its slice of work. Returns what is learnt, if that has changed.
-    pub fn frame(&mut self, found: &Found) -> Option<Learnt> {
-        // An update that nobody took would be missing on the other side.
-        if self.update.is_some() {
-            return None;
-        }
-        let (learner, _) = self.learner.as_mut()?;
-        match learner.frame(found) {
-            Ok(update) => {
-                self.update = update;
-                self.update.is_some().then(|| learner.learnt().clone())
+    /// Lets the learner see a frame, and do its slice of work. While an update waits, it only collects.
+    pub fn frame(&mut self, found: &Found) {
+        let Some((learner, _)) = self.learner.as_mut() else { return };
+        let done = match self.waiting {
+            Some(_) => learner.collect(found).map(|()| None),
+            None => learner.frame(found),
+        };
+        match done {
+            Ok(Some(Proven { after, bytes })) => {
+                (self.update, self.waiting) = (Some(bytes), Some(after));
             }
-            Err(error) => {
-                (self.failed, self.learner) = (Some(error), None);
-                None
-            }
+            Ok(None) => {}
+            Err(error) => (self.failed, self.learner) = (Some(error), None),
         }
+    }
+
+    /// Number of the update that waits to be adopted.
+    pub fn waiting(&self) -> Option<u16> {
+        self.waiting.as_ref().map(Learnt::number)
+    }
+
+    /// Adopts the update that waits, if it has this number; returns what is learnt with it.
+    pub fn adopt(&mut self, number: u16) -> Option<Learnt> {
+        let after = self.waiting.take_if(|waiting| waiting.number() == number)?;
+        self.update = None;
+        if let Some((learner, _)) = &mut self.learner {
+            learner.adopt(&after);
+        }
+        Some(after)
+    }
+
+    /// Drops the update that waits, if there is one.
+    pub fn drop_waiting(&mut self) {
+        (self.update, self.waiting) = (None, None);
     }
 
     /// The update that was given out last, once.

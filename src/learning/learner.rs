@@ -84,10 +84,15 @@ struct Draft {
 }
 
 struct Trained {
-    /// What is learnt with the update.
-    after: Learnt,
-    bytes: Vec<u8>,
+    update: Proven,
     saved: Vec<f64>,
+}
+
+/// An update that is proven.
+pub struct Proven {
+    /// What is learnt with it.
+    pub after: Learnt,
+    pub bytes: Vec<u8>,
 }
 
 /// Learns beside an encoder, on the encoder's scene, which must have been uploaded for updates.
@@ -157,15 +162,13 @@ impl Learner {
         LearnerStats { splats: self.learnt.splats().len(), ..self.stats }
     }
 
-    /// Takes a frame and does a slice of work. Returns the bytes of an update, if one is proven; the scene shows it
-    /// from the next frame on.
+    /// Takes a frame and does a slice of work. Returns an update, if one is proven. The scene stays as it is until the
+    /// update is [adopted](Learner::adopt).
     ///
     /// # Errors
     /// If the device fails. What was learnt before stays.
-    pub fn frame(&mut self, found: &Found) -> Result<Option<Vec<u8>>, Error> {
-        if found.certain {
-            self.keep(found)?;
-        }
+    pub fn frame(&mut self, found: &Found) -> Result<Option<Proven>, Error> {
+        self.collect(found)?;
         match self.draft.take() {
             None => {
                 self.redraw()?;
@@ -180,6 +183,20 @@ impl Learner {
             },
             Some(draft) => self.judge(draft, found.rate),
         }
+    }
+
+    /// Takes a frame to learn from later, and does nothing else.
+    ///
+    /// # Errors
+    /// As [`Learner::frame`].
+    pub fn collect(&mut self, found: &Found) -> Result<(), Error> {
+        if found.certain { self.keep(found) } else { Ok(()) }
+    }
+
+    /// Stands on an update that it has proven, from the next frame on.
+    pub fn adopt(&mut self, after: &Learnt) {
+        self.learnt.clone_from(after);
+        self.kept.iter_mut().for_each(|kept| kept.shown = None);
     }
 
     /// Keeps a frame if the camera has moved enough, and in any case to judge by.
@@ -419,34 +436,32 @@ impl Learner {
         let (mut after, mut bytes) = (self.learnt.clone(), Vec::new());
         after.add(&update)?;
         update.write(&mut bytes)?;
-        draft.trained = Some(Trained { after, bytes, saved: Vec::new() });
+        draft.trained = Some(Trained { update: Proven { after, bytes }, saved: Vec::new() });
         Ok(Some(draft))
     }
 
-    /// Judges a draft by the frames that it was not learnt from. Returns its bytes if it pays.
-    fn judge(&mut self, mut draft: Draft, rate: Option<Rate>) -> Result<Option<Vec<u8>>, Error> {
+    /// Judges a draft by the frames that it was not learnt from. Returns its update if it pays.
+    fn judge(&mut self, mut draft: Draft, rate: Option<Rate>) -> Result<Option<Proven>, Error> {
         let Some(mut trained) = draft.trained.take() else {
             self.draft = Some(draft);
             return Ok(None);
         };
         while let Some(held) = self.held_out.pop() {
-            trained.saved.push(self.saved(&trained.after, &held, rate)?);
+            trained.saved.push(self.saved(&trained.update.after, &held, rate)?);
         }
         if trained.saved.len() < self.options.judged {
             draft.trained = Some(trained);
             self.draft = Some(draft);
             return Ok(None);
         }
-        if !pays(&trained.saved, trained.bytes.len(), self.options.horizon) {
+        let Trained { update, saved } = trained;
+        if !pays(&saved, update.bytes.len(), self.options.horizon) {
             self.stats.refused += 1;
             return Ok(None);
         }
-        self.learnt = trained.after;
-        self.scene.show(&self.learnt)?;
-        self.kept.iter_mut().for_each(|kept| kept.shown = None);
         self.stats.updates += 1;
-        self.stats.update_bytes += trained.bytes.len();
-        Ok(Some(trained.bytes))
+        self.stats.update_bytes += update.bytes.len();
+        Ok(Some(update))
     }
 
     /// Bytes that another state than the scene's saves on a frame.

@@ -11,6 +11,9 @@
 //! 4. *Judge*: frames that were not learnt from are coded with the update and without. It is given out if it pays for
 //!    its bytes within a stated number of frames.
 //!
+//! An update that is given out is not drawn with at once: the topside must hold it first. Until the encoder adopts or
+//! drops it, the learner collects frames and begins no episode.
+//!
 //! Moving light, snow and fish differ too, but what was learnt of them saves nothing on later frames. So phase 4 keeps
 //! them out, whatever phase 2 took them for.
 //!
@@ -32,5 +35,5 @@ mod sweep;
 
 pub(crate) use beside::Beside;
 pub use learner::LearnerStats;
-pub(crate) use learner::{Found, Learner};
+pub(crate) use learner::{Found, Learner, Proven};
 pub use options::LearnOptions;

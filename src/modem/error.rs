@@ -1,6 +1,7 @@
 //! Why a packet cannot be sent, or a modem frame not be taken.
 
 use crate::packet::PacketError;
+use crate::prior::StateId;
 
 use super::limits::{MAX_MTU, MAX_SHARES, MAX_UNPROTECTED, MIN_MTU, MIN_SHARE_MTU, STREAMS};
 
@@ -77,6 +78,32 @@ pub enum ModemError {
     OtherShare(u32),
     #[error("{field} of {value}: must lie in 1..={max}")]
     Collector { field: &'static str, value: usize, max: usize },
+    #[error("update of {len} bytes: the largest for an MTU of {mtu} has {largest}")]
+    UpdateTooLong { len: usize, largest: usize, mtu: usize },
+    #[error(
+        "update of {len} bytes in pieces beside {held}: the sender has room for {room}; drop it, or \
+         give `UpdateOptions::memory` more"
+    )]
+    UpdatesFull { len: usize, held: usize, room: usize },
+    #[error(
+        "update {number} on state {before}: after update {last} one on its state {state} is due"
+    )]
+    UpdateOrder { number: u16, before: StateId, last: u16, state: StateId },
+    #[error("an update that cannot be read: {0}")]
+    Update(String),
+    #[error("an update for a sender that was made without `SenderOptions::updates`")]
+    NoUpdates,
+    #[error(
+        "updates, {field} = {value}: must lie in 0..1, `share` above 0, `repeat` not above `share`"
+    )]
+    UpdateShare { field: &'static str, value: f64 },
+    #[error("pieces of an update number {number} modulo 256 that do not yield it: damaged")]
+    UpdateCheck { number: u8 },
+    #[error(
+        "a piece of an update of up to {len} bytes: there is room for {room}; give \
+         `CollectorOptions::update_bytes` more"
+    )]
+    UpdateRoom { len: usize, room: usize },
     #[error("no memory for modem frames: {0} bytes")]
     Memory(usize),
     #[error("start of frame number {0}: differs from the one that its packet's checks match")]

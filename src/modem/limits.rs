@@ -14,3 +14,7 @@ pub const MAX_UNPROTECTED: usize = 4096;
 pub const STREAMS: u8 = 4;
 /// Shares name their packet by its frame number modulo this.
 pub const NUMBERS: u32 = 128;
+/// Pieces that yield an update, at most.
+pub const MAX_SOURCES: usize = 224;
+/// Pieces of an update, all different.
+pub const MAX_PIECES: usize = 256;

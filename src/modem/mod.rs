@@ -13,7 +13,7 @@
 //! | `11` | *continuation*: another one of it | 4 |
 //! | `01` | *protected share* | 7 to 12, and parity |
 //!
-//! A [`Report`] has the high bits `00`.
+//! A [`Report`] and a [piece of an update](#updates) have the high bits `00`.
 //!
 //! # Without protection
 //!
@@ -94,12 +94,44 @@
 //!
 //! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
 //! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.
+//!
+//! # Updates
+//!
+//! An [update](crate::prior::Update) of the prior travels beside the packets, in *pieces* that are one modem frame each.
+//! It is cut into *sources*, and by the same Reed–Solomon code as layers into up to 256 pieces, of which any as many as
+//! there are sources yield it. The first pieces are the sources. MTU: as for shares; at 16 bytes an update has at most
+//! 1,566 bytes, at 64 bytes 12,317.
+//!
+//! | byte | piece |
+//! |---|---|
+//! | 0 | from the top: bits `00`, two bits stream, bits `1000` |
+//! | 1 | number of the update, modulo 256 |
+//! | 2–3 | tag: the update's own check, modulo 2¹⁶ |
+//! | 4 | number of sources − 1, at most 223 |
+//! | 5 | index |
+//! | next | bytes of its chunk: seven bits per byte, low bits first, high bit set on all but the last |
+//! | next 2 | CRC-16/IBM-3740 of all other bytes of the piece |
+//! | … | the chunk |
+//!
+//! The sources hold the length of the update, as the chunk's above, the update as a file holds it, and zeros. Padding
+//! may follow.
+//!
+//! **Checks.** A piece has one of its own. Its number and tag bind it to its update. What comes out must have that
+//! number and tag, and match the update's own check of 32 bits; else all its pieces are dropped. So pieces of two
+//! updates of one number never yield a mixture, but with a chance of 2⁻⁴⁸.
+//!
+//! **When they go.** [`Sender::push_update`] takes an update, [`Sender::next`] gives out its pieces when no share is
+//! due. They get a stated part of the bit rate, [`UpdateOptions::share`], which pictures then do not get; a picture
+//! waits for one piece at most. So many go that the update is there with a chance of 99 % at the loss that is assumed;
+//! with reports 90 %, as reports ask for more. Without reports all updates are then repeated in turn, in a smaller part
+//! of the bit rate. [`Sender::held_update`] tells from when on frames may be drawn with an update.
 
 mod collect;
 mod error;
 mod limits;
 mod memory;
 mod report;
+mod reported_updates;
 mod send;
 mod wire;
 
@@ -115,6 +147,7 @@ pub use send::rate_control::{RateControl, RateControlOptions};
 pub use send::sender::{ProcessedReport, Protection, Sender, SenderOptions, SenderStatistics};
 pub use send::sharer::Sharer;
 pub use send::sharing::{Sharing, SharingOptions};
+pub use send::update_options::UpdateOptions;
 pub use wire::contents::Layer;
 pub use wire::layout::{largest_packet, share_count};
 

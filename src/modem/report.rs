@@ -6,22 +6,30 @@
 //!
 //! | bytes | report |
 //! |---|---|
-//! | 1 | from the top: bits `00`, two bits stream, bits `010`, one bit: user bytes follow |
+//! | 1 | from the top: bits `00`, two bits stream, bits `01`, one bit: updates follow, one bit: user bytes follow |
 //! | 2 | newest frame number, modulo 2¹⁶ |
 //! | 1 | number of packets that it tells of, at most 32: that of the newest frame number, and those before it |
 //! | 1 per packet | newest first: two bits state, six bits number of shares that came; 63 stands for more, too |
 //! | … | per packet of state 1, newest first: its number of shares − 1, one byte; a bit per share, low bits first |
+//! | 1 | if updates follow: one bit: the last update follows, four bits 0, three bits number of states, at most 4 |
+//! | 3 per state | newest first: number of the update, modulo 256; the state after it, modulo 2¹⁶ |
+//! | 4 | if the last update follows: its number and tag, as in its [pieces](super); pieces that came, 255: it is whole |
 //! | 1 + length | length of the user bytes, and they; if there are any |
 //! | 2 | CRC-16/IBM-3740 of all bytes before |
 //!
 //! States: 0 nothing came; 1 shares came, but not all of the packet; 2 the packet is whole; 3 its picture was decoded
 //! in full, too. Padding may follow. Of an unprotected packet the first 256 shares are listed; until its length has
 //! come, those up to the first missing one.
+//!
+//! *Updates*: the states that the topside holds beside the prior alone, and the update whose piece came last. Reports
+//! of topsides that take no updates tell nothing of them; such reports are as they were before there were updates.
 
 use crate::packet::bytes::crc16;
+use crate::prior::StateId;
 
 use super::error::ModemError;
 use super::limits::{MAX_SHARES, STREAMS};
+use super::reported_updates::{LastUpdate, ReportedUpdates};
 
 /// Most packets that a report tells of.
 pub const MAX_REPORTED: usize = 32;
@@ -29,10 +37,11 @@ pub const MAX_REPORTED: usize = 32;
 const MAX_USER: usize = 255;
 /// The frame number in a report is modulo this.
 const NUMBERS: u32 = 1 << 16;
-/// The first byte's bits, without stream and user bit.
+/// The first byte's bits, without those of the stream and of what follows.
 const MARK: u8 = 0b0000_0100;
 const STREAM_SHIFT: u8 = 4;
 const USER: u8 = 1;
+const UPDATES: u8 = 2;
 /// Largest number of shares that a packet's byte holds.
 pub(super) const MAX_ARRIVED: u8 = 63;
 /// Bytes before the packets'.
@@ -114,6 +123,8 @@ pub struct Report {
     newest: u32,
     reported: usize,
     packets: [ReportedPacket; MAX_REPORTED],
+    /// `None`: it tells nothing of updates.
+    updates: Option<ReportedUpdates>,
 }
 
 impl Report {
@@ -131,7 +142,8 @@ impl Report {
             return Err(ModemError::Stream(stream));
         }
         let newest = newest % NUMBERS;
-        let mut report = Report { stream, newest, reported: 0, packets: Default::default() };
+        let (reported, updates) = (0, None);
+        let mut report = Report { stream, newest, reported, packets: Default::default(), updates };
         for packet in packets.take(MAX_REPORTED) {
             report.packets[report.reported] = packet;
             report.reported += 1;
@@ -155,6 +167,22 @@ impl Report {
         self.packets[..self.reported].get(behind as usize)
     }
 
+    /// Tells the vehicle which updates the topside holds: the number of each and the state after it, newest first, as
+    /// [`Decoder::states`](crate::Decoder::states) gives them. Of more than four the newest are told.
+    pub fn tell_states(&mut self, states: impl Iterator<Item = (u16, StateId)>) {
+        self.updates.get_or_insert_default().set_states(states);
+    }
+
+    /// Tells of the update whose piece came last.
+    pub(super) fn tell_last(&mut self, last: Option<LastUpdate>) {
+        self.updates.get_or_insert_default().last = last;
+    }
+
+    /// What it tells of updates.
+    pub(super) fn updates(&self) -> Option<&ReportedUpdates> {
+        self.updates.as_ref()
+    }
+
     /// The packets, newest first, with their frame numbers modulo 2¹⁶.
     pub fn packets(&self) -> impl Iterator<Item = (u32, &ReportedPacket)> {
         let numbers = (0..).map(|behind| self.newest.wrapping_sub(behind) % NUMBERS);
@@ -162,7 +190,7 @@ impl Report {
     }
 
     /// Writes the report with user bytes, and returns its length. `into` has as many bytes as a modem frame may have.
-    /// If not all packets fit, it tells of the newest ones.
+    /// If not all fits, it tells of the newest packets and of the newest updates.
     ///
     /// # Errors
     /// If there are more than 255 user bytes, or the report does not fit even without packets.
@@ -174,9 +202,11 @@ impl Report {
         }
         let needed = HEAD + user_len + CHECK;
         let room = mtu.checked_sub(needed).ok_or(ModemError::ReportMtu { mtu, needed })?;
-        let reported = &self.packets[..self.fitting(room)];
+        let updates = self.updates.and_then(|updates| updates.written(room));
+        let reported = &self.packets[..self.fitting(room - updates.map_or(0, |(_, len)| len))];
         let mut bytes = Written { into, len: 0 };
         let mark = MARK | self.stream << STREAM_SHIFT | if user.is_some() { USER } else { 0 };
+        let mark = mark | if updates.is_some() { UPDATES } else { 0 };
         let [low, high, ..] = self.newest.to_le_bytes();
         bytes.add(&[mark, low, high, reported.len() as u8]);
         for packet in reported {
@@ -186,6 +216,9 @@ impl Report {
         for packet in reported.iter().filter(|packet| packet.lists_shares()) {
             bytes.add(&[(packet.shares.sent() - 1) as u8]);
             bytes.add(packet.shares.bytes());
+        }
+        if let Some((updates, len)) = updates {
+            bytes.add(&updates[..len]);
         }
         if let Some(user) = user {
             bytes.add(&[user.len() as u8]);
@@ -212,7 +245,7 @@ impl Report {
     pub fn read(bytes: &[u8]) -> Result<(Report, Option<&[u8]>), ModemError> {
         let mut rest = Rest { all: bytes, at: 0 };
         let mark = rest.byte()?;
-        if mark & !(USER | 3 << STREAM_SHIFT) != MARK {
+        if mark & !(USER | UPDATES | 3 << STREAM_SHIFT) != MARK {
             return Err(ModemError::NotAFrame(mark));
         }
         let newest = u32::from(rest.byte()?) | u32::from(rest.byte()?) << 8;
@@ -223,6 +256,7 @@ impl Report {
             newest,
             reported,
             packets: Default::default(),
+            updates: None,
         };
         let packets = report.packets.get_mut(..reported).ok_or(ModemError::NotAFrame(mark))?;
         for (packet, state) in packets.iter_mut().zip(states) {
@@ -236,6 +270,9 @@ impl Report {
             if packet.state == PacketState::Part {
                 packet.shares = rest.shares()?;
             }
+        }
+        if mark & UPDATES != 0 {
+            report.updates = Some(rest.updates(mark)?);
         }
         let user = match mark & USER {
             0 => None,
@@ -293,6 +330,12 @@ impl<'a> Rest<'a> {
         Ok(self.take(1)?[0])
     }
 
+    fn updates(&mut self, mark: u8) -> Result<ReportedUpdates, ModemError> {
+        let first = self.byte()?;
+        let len = ReportedUpdates::rest_len(first).ok_or(ModemError::NotAFrame(mark))?;
+        Ok(ReportedUpdates::read(first, self.take(len)?))
+    }
+
     fn shares(&mut self) -> Result<ArrivedShares, ModemError> {
         let count = usize::from(self.byte()?) + 1;
         let bytes = self.take(count.div_ceil(8))?;
@@ -305,6 +348,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::modem::wire::piece::UpdateName;
 
     fn report() -> Report {
         let part = ReportedPacket {
@@ -322,11 +366,38 @@ mod tests {
         Report::new(2, 0x1_0001, packets.into_iter()).unwrap()
     }
 
+    fn with_updates() -> Report {
+        let mut report = report();
+        report.tell_states([(258, StateId(77)), (257, StateId(78))].into_iter());
+        report.tell_last(Some(LastUpdate::new(UpdateName { number: 3, tag: 9 }, None)));
+        report
+    }
+
     fn written(mtu: usize, user: Option<&[u8]>) -> Vec<u8> {
+        bytes_of(&report(), mtu, user)
+    }
+
+    fn bytes_of(report: &Report, mtu: usize, user: Option<&[u8]>) -> Vec<u8> {
         let mut bytes = vec![0; mtu];
-        let len = report().write(user, &mut bytes).unwrap();
+        let len = report.write(user, &mut bytes).unwrap();
         bytes.truncate(len);
         bytes
+    }
+
+    #[test]
+    fn updates_come_along_and_leave_the_other_bytes_as_they_are() {
+        let with = with_updates();
+        for user in [None, Some(&b"depth 31.4"[..])] {
+            let bytes = bytes_of(&with, 64, user);
+            assert_eq!(Report::read(&bytes), Ok((with, user)));
+            let plain = written(64, user);
+            assert_eq!((bytes[0], bytes.len()), (plain[0] | 2, plain.len() + 11));
+        }
+        // At the smallest MTU it tells of the newest state and the last update; no packet fits.
+        let (read, _) = Report::read(&bytes_of(&with, 16, None)).map(|(r, _)| (r, ())).unwrap();
+        let updates = read.updates().unwrap();
+        assert!(updates.holds(2, StateId(77)) && !updates.holds(1, StateId(78)));
+        assert!(updates.last.is_some() && read.packets().count() == 0);
     }
 
     #[test]
@@ -366,7 +437,7 @@ mod tests {
 
     #[test]
     fn damage_is_found() {
-        let bytes = written(64, Some(b"user"));
+        let bytes = bytes_of(&with_updates(), 64, Some(b"user"));
         for bit in 0..8 * bytes.len() {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);

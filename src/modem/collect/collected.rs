@@ -12,17 +12,19 @@ pub enum Collected {
     Kept,
     /// The share was there before.
     Duplicate,
-    /// The share's packet was complete before.
+    /// The share's packet was complete before, the piece's update was whole before, or others are due before it.
     Surplus,
     /// The packet's own checks do not match what its shares hold. Its shares are dropped, except an unprotected
     /// packet's start, as far as that is valid. The number is modulo 128.
     Damaged(u8, u32),
+    /// An update of this stream is whole: [`Collector::update`](crate::modem::Collector::update).
+    Update(u8),
 }
 
 /// Counts since the start. Modem frames that came = accepted + duplicates + rejected + waiting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CollectorStatistics {
-    /// Shares that became part of a packet.
+    /// Shares that became part of a packet, pieces that became part of an update, and such that were surplus.
     pub accepted: u64,
     /// Shares that were there before.
     pub duplicates: u64,
@@ -47,6 +49,8 @@ pub struct CollectorStatistics {
     pub lost: u64,
     /// Packets whose own checks did not match what their shares held.
     pub damaged: u64,
+    /// Updates that became whole.
+    pub updates: u64,
 }
 
 /// What has come of a packet.

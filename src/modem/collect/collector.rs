@@ -7,6 +7,7 @@ use crate::modem::limits::{MAX_MTU, MAX_UNPROTECTED, NUMBERS, STREAMS};
 use crate::modem::report::{MAX_REPORTED, Report, ReportedPacket};
 use crate::modem::wire::continuation::{CONTINUATION, Continuation, START, TAGS, tag_of};
 use crate::modem::wire::layout::Layout;
+use crate::modem::wire::piece;
 use crate::modem::wire::share::{self, SHARE};
 use crate::packet::Extent;
 
@@ -14,6 +15,7 @@ use super::collected::{Collected, CollectedPacket, CollectorStatistics};
 use super::plain::{Arrival, Bond};
 use super::slot::{Slot, Taken};
 use super::stream::Stream;
+use super::updates::{Brought, Updates};
 use super::waiting::{Kept, Waiting};
 
 /// How to collect shares.
@@ -35,6 +37,9 @@ pub struct CollectorOptions {
     /// The modem hands over no damaged frames. If set, an unprotected packet's first share counts as valid to its end.
     /// Else only what its packet's own checks cover does, until a continuation vouches for the rest.
     pub modem_checks: bool,
+    /// Bytes of an update of the prior that there is room for, in each stream; 0: no updates are taken, and reports
+    /// tell nothing of them. Learners make updates of up to some 4,000 bytes.
+    pub update_bytes: usize,
 }
 
 /// Most packets of a stream.
@@ -42,9 +47,17 @@ const MAX_PACKETS: usize = 64;
 
 impl CollectorOptions {
     /// Sixteen packets of a stream, each of up to 32 shares, stale after four seconds, from a modem that is not known
-    /// to check its frames.
+    /// to check its frames. No updates.
     pub fn new(mtu: usize) -> CollectorOptions {
-        CollectorOptions { mtu, shares: 32, packets: 16, streams: 1, age: 4.0, modem_checks: false }
+        CollectorOptions {
+            mtu,
+            shares: 32,
+            packets: 16,
+            streams: 1,
+            age: 4.0,
+            modem_checks: false,
+            update_bytes: 0,
+        }
     }
 
     fn check(&self) -> Result<(), ModemError> {
@@ -61,7 +74,8 @@ impl CollectorOptions {
     }
 
     /// Memory that a [`Collector`] takes, all of it when it is made, bytes: for each packet twice as much as its
-    /// shares, and once more for each of four whose continuations come first.
+    /// shares, and once more for each of four whose continuations come first; for each stream five times as much as an
+    /// update, if updates are taken.
     ///
     /// # Errors
     /// If an option is outside its range.
@@ -69,7 +83,11 @@ impl CollectorOptions {
         self.check()?;
         let packets = self.streams * self.slots() * Slot::memory(self.shares, self.mtu);
         let waiting = self.layout().map_or(0, |layout| Waiting::memory(layout, self.shares));
-        Ok(packets + TAGS * waiting)
+        let updates = match self.update_bytes {
+            0 => 0,
+            bytes => Updates::memory(bytes).saturating_mul(self.streams),
+        };
+        Ok((packets + TAGS * waiting).saturating_add(updates))
     }
 
     /// Packets of a stream. A divisor of [`NUMBERS`], so that numbers find their places where they begin anew.
@@ -95,6 +113,8 @@ pub struct Collector {
     streams: Vec<Stream>,
     /// `None`: the MTU is too small for unprotected packets.
     unprotected: Option<Unprotected>,
+    /// By stream; none if no updates are taken.
+    updates: Vec<Updates>,
     statistics: CollectorStatistics,
 }
 
@@ -124,8 +144,12 @@ impl Collector {
         let streams = (0..options.streams).map(stream).collect::<Result<_, _>>()?;
         let unprotected = |layout| Unprotected::new(layout, shares);
         let unprotected = options.layout().map(unprotected).transpose()?;
+        let takes_updates = options.update_bytes > 0;
+        let update_streams = if takes_updates { options.streams } else { 0 };
+        let updates = (0..update_streams).map(|_| Updates::new(options.update_bytes));
+        let updates = updates.collect::<Result<_, _>>()?;
         let statistics = CollectorStatistics::default();
-        Ok(Collector { options, streams, unprotected, statistics })
+        Ok(Collector { options, streams, unprotected, updates, statistics })
     }
 
     /// Takes a modem frame that came at `now`, seconds on a clock that does not go back.
@@ -158,6 +182,10 @@ impl Collector {
                 self.statistics.damaged += 1;
                 Collected::Damaged(stream, number)
             }
+            Taken::Update => {
+                self.statistics.updates += 1;
+                Collected::Update(stream)
+            }
         })
     }
 
@@ -167,8 +195,25 @@ impl Collector {
             SHARE => self.take_share(now, frame),
             START => Ok((0, self.take_start(now, frame)?)),
             CONTINUATION => Ok((0, self.take_continuation(now, frame)?)),
+            _ if piece::is_piece(first) => self.take_piece(frame),
             _ => Err(ModemError::NotAFrame(first)),
         }
+    }
+
+    fn take_piece(&mut self, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
+        let (header, chunk) = piece::read(frame)?;
+        if self.updates.is_empty() {
+            return Err(ModemError::NotAFrame(frame[0]));
+        }
+        let updates = self.updates.get_mut(usize::from(header.stream));
+        let updates = updates.ok_or(ModemError::Stream(header.stream))?;
+        let taken = match updates.push(&header, chunk)? {
+            Brought::Kept => Taken::Kept,
+            Brought::Duplicate => Taken::Duplicate,
+            Brought::Surplus => Taken::Surplus,
+            Brought::Whole => Taken::Update,
+        };
+        Ok((header.stream, taken))
     }
 
     fn take_share(&mut self, now: f64, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
@@ -286,6 +331,7 @@ impl Collector {
     }
 
     /// What there is of a stream's newest packets, for its vehicle. `kept` tells whether a frame was decoded in full.
+    /// If updates are taken, tell [which ones are held](Report::tell_states), too.
     /// `None`: no packet has told its frame number yet.
     ///
     /// # Errors
@@ -306,7 +352,25 @@ impl Collector {
             let slot = self.slot(stream, frame);
             slot.map_or_else(ReportedPacket::default, |slot| slot.report(frame, &kept))
         });
-        Report::new(stream, newest, packets).map(Some)
+        let mut report = Report::new(stream, newest, packets)?;
+        if let Some(updates) = self.updates.get(usize::from(stream)) {
+            report.tell_last(updates.last());
+        }
+        Ok(Some(report))
+    }
+
+    /// A whole update of a stream that was not added yet: that which is due first. Give it to
+    /// [`Decoder::add_update`](crate::Decoder::add_update), and say here what came of it; ask until there is none.
+    pub fn update(&self, stream: u8) -> Option<&[u8]> {
+        self.updates.get(usize::from(stream))?.offered()
+    }
+
+    /// Tells whether the update that [`Collector::update`] gives was added. If so, its pieces are not collected again.
+    /// If not, it needs others before it: it is given again after another one was added, unless its place is needed.
+    pub fn settle_update(&mut self, stream: u8, added: bool) {
+        if let Some(updates) = self.updates.get_mut(usize::from(stream)) {
+            updates.settle(added);
+        }
     }
 
     /// The newest number of a stream, modulo 128.
@@ -325,6 +389,7 @@ impl Collector {
         let waiting = self.unprotected.iter().flat_map(|unprotected| &unprotected.waiting);
         self.streams.iter().map(Stream::capacity).sum::<usize>()
             + waiting.map(Waiting::capacity).sum::<usize>()
+            + self.updates.iter().map(Updates::capacity).sum::<usize>()
     }
 
     /// How it was made.

@@ -6,4 +6,5 @@ pub mod layers;
 pub mod plain;
 pub mod slot;
 pub mod stream;
+pub mod updates;
 pub mod waiting;

@@ -97,6 +97,8 @@ pub enum Taken {
     Complete(u32),
     /// Its checks do not match. The frame number is modulo [`NUMBERS`].
     Damaged(u32),
+    /// No share: a piece by which an update is whole.
+    Update,
 }
 
 impl State {

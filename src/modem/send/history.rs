@@ -96,9 +96,9 @@ impl History {
         self.next = (self.next + 1) % self.packets.capacity();
     }
 
-    /// The packets that the topside could have all of when it wrote a report: those whose last share was due before the
-    /// first one of the newest packet that it tells of.
-    fn settled(&self, report: &Report) -> f64 {
+    /// When the first share of the newest packet that a report tells of was due: the topside could have all that went
+    /// before when it wrote the report.
+    pub fn settled(&self, report: &Report) -> f64 {
         let newest = self.packets.iter().rev().find(|sent| same(sent.frame, report.newest()));
         newest.map_or(f64::NEG_INFINITY, |sent| sent.first_due)
     }

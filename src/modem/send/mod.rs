@@ -1,5 +1,6 @@
 //! The vehicle's end: packets to modem frames.
 
+pub mod cutting;
 pub mod division;
 pub mod history;
 pub mod interleaver;
@@ -9,3 +10,5 @@ pub mod sender;
 pub mod sharer;
 pub mod sharing;
 pub mod unprotected;
+pub mod update_options;
+pub mod updates;

@@ -84,6 +84,8 @@ pub struct RateControl {
     planned: Option<Allowance>,
     /// When `credit` was right, seconds.
     at: Option<f64>,
+    /// Part of the bit rate that pictures do not get.
+    reserved: f64,
 }
 
 /// What a frame may spend, bytes.
@@ -134,31 +136,63 @@ impl RateControl {
                 return Err(ModemError::RateControl { field, value });
             }
         }
-        let free = f64::NEG_INFINITY;
-        let mut control =
-            RateControl { options, free, credit: 0.0, debt: 0.0, planned: None, at: None };
+        let (free, reserved) = (f64::NEG_INFINITY, 0.0);
+        let mut control = RateControl {
+            options,
+            free,
+            credit: 0.0,
+            debt: 0.0,
+            planned: None,
+            at: None,
+            reserved,
+        };
         control.credit = control.turn();
         Ok(control)
     }
 
+    /// Bit/s that pictures get.
+    fn rate(&self) -> f64 {
+        self.options.bit_rate * (1.0 - self.reserved)
+    }
+
     /// Bytes of a frame's turn.
     fn turn(&self) -> f64 {
-        let RateControlOptions { bit_rate, frame_rate, min_bytes, .. } = self.options;
-        (bit_rate / 8.0 / frame_rate).max(min_bytes as f64).min(self.reach())
+        let RateControlOptions { frame_rate, min_bytes, .. } = self.options;
+        (self.rate() / 8.0 / frame_rate).max(min_bytes as f64).min(self.reach())
     }
 
     /// Bytes that the link carries within the latency.
     fn reach(&self) -> f64 {
-        let RateControlOptions { bit_rate, latency, delay, spread, .. } = self.options;
-        bit_rate / 8.0 * (latency - delay - spread)
+        let RateControlOptions { latency, delay, spread, .. } = self.options;
+        self.rate() / 8.0 * (latency - delay - spread)
+    }
+
+    /// Counts the bytes that time has brought until `now`.
+    fn earn(&mut self, now: f64) {
+        let elapsed = self.at.map_or(0.0, |at| (now - at).max(0.0));
+        self.credit = (self.credit + self.rate() / 8.0 * elapsed).min(self.reach());
+        self.at = Some(now);
+    }
+
+    /// Keeps a part of the bit rate for what travels beside pictures, from `now` on: 0 up to but not 1.
+    pub(in crate::modem) fn reserve(&mut self, now: f64, part: f64) {
+        if part != self.reserved {
+            self.earn(now);
+            let before = self.rate();
+            self.reserved = part;
+            self.change_rate(now, before);
+        }
+    }
+
+    /// What waits takes another time, as the rate was `before`, and nothing is left over of it.
+    fn change_rate(&mut self, now: f64, before: f64) {
+        self.free = now + (self.free - now).max(0.0) * before / self.rate();
+        self.credit = self.credit.min(self.turn());
     }
 
     /// Bytes for the frame exposed at `now`, seconds; `None`: it is not sent. Times must not fall.
     pub fn plan(&mut self, now: f64) -> Option<usize> {
-        let per_second = self.options.bit_rate / 8.0;
-        let elapsed = self.at.map_or(0.0, |at| (now - at).max(0.0));
-        self.credit = (self.credit + per_second * elapsed).min(self.reach());
-        self.at = Some(now);
+        self.earn(now);
         let turn = self.turn();
         let over = (self.debt - turn).max(0.0);
         self.debt -= over;
@@ -167,7 +201,7 @@ impl RateControl {
         if self.credit < turn * 0.999 {
             return None;
         }
-        let backlog = (self.free - now).max(0.0) * per_second;
+        let backlog = (self.free - now).max(0.0) * self.rate() / 8.0;
         let repaid = self.debt.min(REPAID * turn);
         let wanted = turn + SPREAD * (self.credit - turn).max(0.0) - repaid;
         let budget = wanted.min(self.reach() - backlog);
@@ -264,7 +298,7 @@ impl RateControl {
         let own = budget.min(bytes as f64);
         self.credit -= own + repaid;
         self.debt += bytes as f64 - own - repaid;
-        self.free = self.free.max(now) + bytes as f64 * 8.0 / self.options.bit_rate;
+        self.free = self.free.max(now) + bytes as f64 * 8.0 / self.rate();
         self.free
     }
 
@@ -277,10 +311,9 @@ impl RateControl {
         if !(bit_rate > 0.0 && bit_rate.is_finite()) {
             return Err(ModemError::RateControl { field: "bit_rate", value: bit_rate });
         }
-        let waiting = (self.free - now).max(0.0) * self.options.bit_rate;
+        let before = self.rate();
         self.options.bit_rate = bit_rate;
-        self.free = now + waiting / bit_rate;
-        self.credit = self.credit.min(self.turn());
+        self.change_rate(now, before);
         Ok(())
     }
 

@@ -13,6 +13,8 @@ use super::loss::Loss;
 use super::rate_control::{RateControl, RateControlOptions};
 use super::sharer::Sharer;
 use super::unprotected::Unprotected;
+use super::update_options::UpdateOptions;
+use super::updates::{Link, Updates};
 
 /// What is done against lost modem frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,6 +39,8 @@ pub struct SenderOptions {
     pub protection: Protection,
     /// The topside sends reports: [`Sender::process_report`]. The sender then remembers what it sent.
     pub expect_reports: bool,
+    /// What updates of the prior may take of the link; `None`: there are none.
+    pub updates: Option<UpdateOptions>,
 }
 
 impl SenderOptions {
@@ -92,7 +96,9 @@ impl SenderOptions {
         let shares = self.waiting() + 3 * self.max_shares() + 2;
         let waiting = shares.saturating_mul(self.control.mtu.saturating_add(LIST));
         let history = if self.expect_reports { History::memory(&self.control) } else { 0 };
-        Ok(waiting.saturating_add(history))
+        let updates = |options| Updates::memory(options, self.control.mtu);
+        let updates = self.updates.as_ref().map_or(0, updates);
+        Ok(waiting.saturating_add(history).saturating_add(updates))
     }
 }
 
@@ -116,6 +122,12 @@ pub struct SenderStatistics {
     pub bytes: u64,
     /// Shares that were sent again.
     pub resent: u64,
+    /// Updates that were taken.
+    pub updates: u64,
+    /// Pieces of them that were given out.
+    pub pieces: u64,
+    /// Bytes of these on the link, the overhead of each counted.
+    pub piece_bytes: u64,
 }
 
 /// Takes a vehicle's packets, and yields the modem frames to send: rate control, [`Sharer`] and [`Interleaver`] in one.
@@ -150,6 +162,7 @@ pub struct SenderStatistics {
 ///     stream: 0,
 ///     protection: Protection::Layers,
 ///     expect_reports: false,
+///     updates: None,
 /// })?;
 /// for frame in 0..30 {
 ///     let now = f64::from(frame) / 15.0;
@@ -173,6 +186,7 @@ pub struct Sender {
     /// The frame that is to come.
     planned: Option<PlannedFrame>,
     history: Option<History>,
+    updates: Option<Updates>,
     statistics: SenderStatistics,
 }
 
@@ -224,6 +238,8 @@ pub struct ProcessedReport {
 const MEMORY: f64 = 0.7;
 /// Greatest loss that packets are protected against.
 const MAX_LOSS: f64 = 0.9;
+/// Latencies after which what was sent counts as come or lost, even if no report tells of packets sent then.
+const PATIENCE: f64 = 10.0;
 
 impl Sender {
     /// Allocates [`SenderOptions::memory`].
@@ -242,6 +258,10 @@ impl Sender {
             room,
             planned: None,
             history: options.expect_reports.then(|| History::new(&options.control)).transpose()?,
+            updates: options
+                .updates
+                .map(|updates| Updates::new(updates, mtu, options.expect_reports))
+                .transpose()?,
             statistics: SenderStatistics::default(),
             options,
             way,
@@ -257,6 +277,10 @@ impl Sender {
     pub fn plan(&mut self, now: f64) -> Result<Option<usize>, ModemError> {
         check_time(now)?;
         let max = self.options.max_shares();
+        let link = self.link();
+        if let (Some(updates), Some(control)) = (&self.updates, self.way.control_mut()) {
+            control.reserve(now, updates.part(&link));
+        }
         let planned = match &mut self.way {
             Way::Unprotected(link, None) => return Ok(Some(link.layout.start(max))),
             Way::Unprotected(link, Some(control)) => {
@@ -372,12 +396,18 @@ impl Sender {
         let (Some(history), Some(control)) = (&mut self.history, self.way.control_mut()) else {
             return Err(ModemError::NoReports);
         };
+        let settled = history.settled(report);
         let mut processed = ProcessedReport { loss: history.loss(report), ..Default::default() };
         let RateControlOptions { bit_rate, latency, delay, overhead, loss, .. } =
             *control.options();
         if let Some(measured) = processed.loss {
             let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
             control.set_loss(Loss { chance: chance.min(MAX_LOSS), ..loss })?;
+        }
+        let link = Link::of(control.options(), self.options.stream);
+        if let (Some(updates), Some(told)) = (&mut self.updates, report.updates()) {
+            let settled = settled.max(now - PATIENCE * latency);
+            updates.report((now, settled), report.newest() as u16, told, &link);
         }
         loop {
             let (room, waiting) = (self.room, self.interleaver.len());
@@ -399,20 +429,61 @@ impl Sender {
         }
     }
 
-    /// The next share, if it is due at `now`: the time at which it was, and the share. Shares that could not be sent in
-    /// time are due still.
+    /// Takes the next update of the prior, as [`Encoder::take_update`](crate::Encoder::take_update) gives it. Its pieces
+    /// are due from `now` on, seconds, after those of the updates before. All updates of a dive are kept, and come
+    /// again for a topside that lacks them. After a restart of the vehicle, give the updates here that it still has.
+    ///
+    /// # Errors
+    /// If the time is not finite, or the sender was made without [`SenderOptions::updates`]. If the update cannot be
+    /// read, is not the next one of the chain, or is too long for the MTU. If there is no room for it:
+    /// [`ModemError::UpdatesFull`]. Nothing changes then: drop the update at the encoder, which stays as it is.
+    pub fn push_update(&mut self, now: f64, update: &[u8]) -> Result<(), ModemError> {
+        check_time(now)?;
+        let link = self.link();
+        self.updates.as_mut().ok_or(ModemError::NoUpdates)?.push(now, update, &link)?;
+        self.statistics.updates += 1;
+        Ok(())
+    }
+
+    /// Number of the newest update that frames may be drawn with from now on; `None`: they are drawn with none yet.
+    /// With reports it is the newest one that the topside is known to hold. Without, it is the newest of which all
+    /// pieces were given out: at the loss that is assumed the topside has each with a chance of 99 %. See
+    /// `Encoder::adopt`.
+    pub fn held_update(&self) -> Option<u16> {
+        self.updates.as_ref()?.held()
+    }
+
+    /// The link, as it is now.
+    fn link(&self) -> Link {
+        Link::of(self.options(), self.options.stream)
+    }
+
+    /// The next modem frame, if it is due at `now`: the time at which it was, and the frame. It is a share, or a piece
+    /// of an update if no share is due. Those that could not be sent in time are due still.
     pub fn next(&mut self, now: f64) -> Option<(f64, &[u8])> {
-        self.interleaver.next(now)
+        if self.interleaver.next_len(now).is_some() {
+            return self.interleaver.next(now);
+        }
+        let link = self.link();
+        let (due, piece) = self.updates.as_mut()?.give_piece(now, &link)?;
+        self.statistics.pieces += 1;
+        self.statistics.piece_bytes += piece.len().saturating_add(link.overhead) as u64;
+        Some((due, piece))
     }
 
-    /// Bytes of the next share, if it is due at `now`.
+    /// Bytes of the next modem frame, if it is due at `now`.
     pub fn next_len(&self, now: f64) -> Option<usize> {
-        self.interleaver.next_len(now)
+        self.interleaver.next_len(now).or_else(|| {
+            let (due, len) = self.updates.as_ref()?.due(&self.link())?;
+            (due <= now).then_some(len)
+        })
     }
 
-    /// When the next share is due, seconds. `None`: none waits.
+    /// When the next modem frame is due, seconds. `None`: none waits.
     pub fn due(&self) -> Option<f64> {
-        self.interleaver.due()
+        let piece = self.updates.as_ref().and_then(|updates| updates.due(&self.link()));
+        let dues = self.interleaver.due().into_iter().chain(piece.map(|(due, _)| due));
+        dues.reduce(f64::min)
     }
 
     /// Shares that wait, due or not.
@@ -493,7 +564,13 @@ mod tests {
             loss: Loss { chance: 0.2, burst: 1.0 },
             user: None,
         };
-        SenderOptions { control, stream: 1, protection: Protection::Layers, expect_reports: false }
+        SenderOptions {
+            control,
+            stream: 1,
+            protection: Protection::Layers,
+            expect_reports: false,
+            updates: None,
+        }
     }
 
     /// A packet of at most so many bytes.
@@ -607,7 +684,8 @@ mod tests {
         let control =
             RateControlOptions { bit_rate, max_shares: 64, latency: 2.5, ..options().control };
         let protection = Protection::None;
-        Sender::new(SenderOptions { control, stream: 0, protection, expect_reports })
+        let updates = None;
+        Sender::new(SenderOptions { control, stream: 0, protection, expect_reports, updates })
     }
 
     /// One modem frame in ten is lost. Those that a report misses come again.
@@ -662,7 +740,8 @@ mod tests {
         let of = |stream, user| {
             let control = RateControlOptions { bit_rate: 0.0, user, ..options().control };
             let protection = Protection::None;
-            Sender::new(SenderOptions { control, stream, protection, expect_reports: false })
+            let (expect_reports, updates) = (false, None);
+            Sender::new(SenderOptions { control, stream, protection, expect_reports, updates })
         };
         assert_eq!(of(1, None).map(drop), Err(ModemError::UnprotectedStream(1)));
         assert_eq!(of(0, Some(3)).map(drop), Err(ModemError::UserBytes(3)));

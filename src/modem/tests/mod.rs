@@ -2,6 +2,7 @@
 
 mod protected;
 mod unprotected;
+mod updates;
 
 use crate::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
 use crate::prior::{CoordinateFrame, PriorId};

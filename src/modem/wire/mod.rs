@@ -4,4 +4,5 @@ pub mod code;
 pub mod contents;
 pub mod continuation;
 pub mod layout;
+pub mod piece;
 pub mod share;

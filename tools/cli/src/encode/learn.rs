@@ -47,10 +47,14 @@ impl LearnArgs {
         Ok(encoder.learn(&options)?)
     }
 
-    /// Writes the update that the last frame proved, beside its packet. Returns its bytes; 0: there is none.
+    /// Writes the update that the last frame proved, beside its packet, and adopts it. Returns its bytes; 0: there is
+    /// none.
     pub fn write_update(&self, encoder: &mut Encoder, packet: &Path) -> anyhow::Result<usize> {
         let Some(update) = encoder.take_update()? else { return Ok(0) };
         replace_file(&packet.with_extension("nvsu"), &update)?;
+        if let Some(number) = encoder.waiting_update() {
+            encoder.adopt(number);
+        }
         Ok(update.len())
     }
 
