@@ -169,7 +169,7 @@ impl Updates {
             return Some((index, share));
         }
         let repeats = !self.expect_reports && link.bit_rate > 0.0 && repeat > 0.0;
-        (repeats && !self.sent.is_empty()).then_some((self.repeated.0 % self.sent.len(), repeat))
+        (repeats && !self.sent.is_empty()).then_some((self.repeated.0, repeat))
     }
 
     /// The part of the bit rate that pieces take now.
