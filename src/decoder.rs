@@ -41,7 +41,7 @@ pub struct Decoded {
     pub kept: bool,
     /// Number, modulo 256, of the update that the frame is drawn with, if this side does not hold it. The picture is
     /// then the render with the newest update that is held, at the packet's pose: it does not show what the vehicle
-    /// saw. Ask the vehicle for its updates. `None`: this side holds all that it needs.
+    /// saw. In the short form the camera that drew last, or the newest one, is taken for its camera. Ask the vehicle for its updates. `None`: this side holds all that it needs.
     pub missing_update: Option<u8>,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
@@ -281,11 +281,11 @@ impl Decoder {
         let shown = state.unwrap_or(self.states.newest());
         let missing = state.is_none().then_some(latent.update).flatten();
         self.scene.show(self.states.learnt(shown))?;
-        let view = match missing {
-            // The camera that drew last is the best guess: without the state the tag tells nothing.
-            Some(update) => self.camera_decoder.as_mut().ok_or(Error::UpdateMissing { update })?,
-            None => self.camera_decoder(&latent, frame)?,
+        let camera = match missing {
+            Some(update) => self.camera_guess(&latent).ok_or(Error::UpdateMissing { update })?,
+            None => self.named_camera(&latent, frame)?,
         };
+        let view = self.camera_decoder(&camera)?;
         let Camera { width, height, .. } = view.camera;
         decoded.picture.resize(width, height);
         decoded.missing_update = missing;
@@ -348,8 +348,8 @@ impl Decoder {
         self.camera_of(latent).and_then(|camera| self.states.of(latent, camera))
     }
 
-    /// What renders for a packet's camera.
-    fn camera_decoder(&mut self, latent: &Latent, frame: u32) -> Result<&mut CameraDecoder, Error> {
+    /// The camera that a packet names.
+    fn named_camera(&self, latent: &Latent, frame: u32) -> Result<Camera, Error> {
         let unknown = || match latent.session {
             Session::Stated { camera_tag: tag, .. } => Error::CameraUnknown { frame, tag },
             Session::Tagged(tag) => Error::SessionUnknown {
@@ -359,7 +359,23 @@ impl Decoder {
                 cameras: self.cameras.len(),
             },
         };
-        let camera = *self.camera_of(latent).ok_or_else(unknown)?;
+        self.camera_of(latent).copied().ok_or_else(unknown)
+    }
+
+    /// The camera of a packet whose state is not held: the one of the tag in the full form, else the one that drew
+    /// last, else the newest one.
+    fn camera_guess(&self, latent: &Latent) -> Option<Camera> {
+        let stated = |camera: &&Camera| match latent.session {
+            Session::Stated { prior, .. } => latent.session.check(prior, camera).is_ok(),
+            Session::Tagged(_) => false,
+        };
+        let stated = self.cameras.iter().rev().find(stated);
+        stated.or_else(|| self.camera()).or(self.cameras.last()).copied()
+    }
+
+    /// What renders for a camera.
+    fn camera_decoder(&mut self, camera: &Camera) -> Result<&mut CameraDecoder, Error> {
+        let camera = *camera;
         let plan = || Plan { depths: true, ..Plan::picture() };
         let view = match self.camera_decoder.take() {
             Some(view) if view.camera == camera => view,

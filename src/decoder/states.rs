@@ -54,10 +54,11 @@ impl States {
             self.chain.clear();
         }
         learnt.add(update)?;
-        let base = base.unwrap_or(0);
-        self.held.truncate(base + 1);
+        self.held.truncate(base.unwrap_or(0) + 1);
         let stands_on = self.chain.iter().position(|state| *state == update.before);
-        self.chain.truncate(stands_on.map_or(0, |place| place + 1));
+        let gone = self.chain.split_off(stands_on.map_or(0, |place| place + 1));
+        // What packets of the old chain have named says nothing of the new one.
+        self.named = self.named.filter(|(_, state)| !gone.contains(state));
         self.push(learnt);
         Ok(())
     }

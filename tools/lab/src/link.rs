@@ -2,6 +2,7 @@
 
 mod channel;
 mod chart;
+mod region;
 mod report;
 mod simulation;
 mod topside;
@@ -12,7 +13,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
-use nvsprior::modem::{Loss, ModemError};
+use nvsprior::modem::{Loss, ModemError, UpdateOptions};
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
@@ -21,6 +22,7 @@ use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 
+use region::Region;
 use report::LinkRun;
 use simulation::Simulation;
 use video::{Coder, Video};
@@ -46,6 +48,17 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     mode: ModeArgs,
+    /// The vehicle learns what its frames show and the prior does not. It sends updates of the prior beside its packets,
+    /// and draws with each as soon as the topside holds it
+    #[arg(long)]
+    learn: bool,
+    /// Part of the bit rate that updates get while they are sent
+    #[arg(long, value_name = "X", default_value_t = UpdateOptions::default().share, requires = "learn", value_parser = values::not_negative)]
+    update_share: f64,
+    /// Also tell the PSNR inside and outside of what the prior does not show: where the frames differ from its render,
+    /// at the poses of the camera file
+    #[arg(long)]
+    region: bool,
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = rate)]
     fps: f64,
@@ -163,6 +176,8 @@ struct Setting {
     spread: f64,
     return_delay: Option<f64>,
     half_duplex: bool,
+    /// What updates may take; `None`: the vehicle does not learn.
+    updates: Option<UpdateOptions>,
     latency: f64,
     coding: f64,
     fps: f64,
@@ -173,14 +188,11 @@ struct Setting {
 }
 
 impl LinkArgs {
-    /// One setting for each loss.
-    fn settings(&self, mode: Mode, fps: f64) -> Result<Vec<Setting>, WrongUsage> {
-        let settings: Result<_, ModemError> =
-            self.loss.iter().map(|loss| self.setting(*loss, mode, fps)).collect();
-        settings.map_err(|error| WrongUsage(error.to_string()))
-    }
-
-    fn setting(&self, chance: f64, mode: Mode, fps: f64) -> Result<Setting, ModemError> {
+    fn setting(&self, chance: f64, mode: Mode, args: &Args) -> Result<Setting, ModemError> {
+        let fps = args.fps;
+        let share = args.update_share;
+        let repeat = UpdateOptions::default().repeat.min(share);
+        let updates = UpdateOptions { share, repeat, ..UpdateOptions::default() };
         let (bit_rate, mtu, propagation) = match self.preset {
             None => (5_000.0, 64, 0.1),
             Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
@@ -205,6 +217,7 @@ impl LinkArgs {
             spread: self.spread.unwrap_or(spread),
             return_delay: self.return_delay,
             half_duplex: self.half_duplex,
+            updates: args.learn.then_some(updates),
             latency: self.latency,
             coding: self.coding,
             fps,
@@ -218,12 +231,24 @@ impl LinkArgs {
     }
 }
 
+impl Args {
+    /// One setting for each loss.
+    fn settings(&self, mode: Mode) -> Result<Vec<Setting>, WrongUsage> {
+        let losses = self.link.loss.iter();
+        let settings: Result<_, ModemError> =
+            losses.map(|loss| self.link.setting(*loss, mode, self)).collect();
+        settings.map_err(|error| WrongUsage(error.to_string()))
+    }
+}
+
 /// A camera's frames, in time order.
 struct Footage {
     /// The first one's camera; all others must be of its size.
     camera: nvsprior::Camera,
     first: FrameInfo,
     pictures: Vec<Picture>,
+    /// By picture; none if they are not asked for.
+    regions: Vec<Region>,
 }
 
 impl Footage {
@@ -240,32 +265,55 @@ impl Footage {
             Ok(picture)
         };
         let pictures = inputs.iter().map(read).collect::<anyhow::Result<_>>()?;
-        Ok(Footage { camera, first, pictures })
+        Ok(Footage { camera, first, pictures, regions: Vec::new() })
     }
 
-    /// Frame `k` of a run that goes forth and back.
-    fn picture(&self, k: usize) -> &Picture {
+    /// Which picture frame `k` is, in a run that goes forth and back.
+    fn place(&self, k: usize) -> usize {
         let last = self.pictures.len() - 1;
         let round = k % (2 * last).max(1);
-        &self.pictures[if round > last { 2 * last - round } else { round }]
+        if round > last { 2 * last - round } else { round }
+    }
+
+    /// Frame `k` of the run.
+    fn picture(&self, k: usize) -> &Picture {
+        &self.pictures[self.place(k)]
+    }
+
+    /// Mean part of a picture that shows what the prior does not; `None`: it is not asked for.
+    fn region_part(&self) -> Option<f64> {
+        let parts = self.regions.iter().map(Region::part).sum::<f64>();
+        (!self.regions.is_empty()).then(|| parts / self.regions.len() as f64)
+    }
+
+    /// Where it shows what the prior does not, if that is known.
+    fn region(&self, k: usize) -> Option<&Region> {
+        self.regions.get(self.place(k))
     }
 }
 
 /// Simulates, prints and writes the report.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mode = args.mode.mode(args.link.return_delay.is_some())?;
-    let settings = args.link.settings(mode, args.fps)?;
+    let settings = args.settings(mode)?;
     args.beside.iter().try_for_each(|coder| coder.check())?;
     let inputs = args.input.frames()?;
     values::make_folder("--report", &args.report)?;
     let prior = args.prior.open()?;
-    let footage = Footage::read(&inputs, &mut Preprocessor::new(prior.preprocessing()))?;
+    let mut footage = Footage::read(&inputs, &mut Preprocessor::new(prior.preprocessing()))?;
     let frames = match args.seconds {
         Some(seconds) => ((seconds * args.fps) as usize).max(1),
         None => footage.pictures.len(),
     };
     let engine = args.device.open()?;
-    let scene = engine.upload(&prior)?;
+    let scene = match args.learn {
+        true => engine.upload_for_updates(&prior)?,
+        false => engine.upload(&prior)?,
+    };
+    if args.region {
+        let frames = footage.pictures.iter().zip(inputs.iter().map(|input| input.known));
+        footage.regions = Region::of_all(&engine, &scene, &footage.camera, frames)?;
+    }
     let bar = progress(frames * settings.len(), "frames");
     let mut runs: Vec<LinkRun> = Vec::new();
     for setting in settings {
@@ -318,6 +366,7 @@ mod tests {
             spread: 0.0,
             return_delay: None,
             half_duplex: false,
+            updates: None,
             latency: 1.5,
             coding: 0.1,
             fps: 10.0,
@@ -339,7 +388,8 @@ mod tests {
                 picture
             })
             .collect();
-        let footage = Footage { camera, first: FrameInfo::default(), pictures };
+        let footage =
+            Footage { camera, first: FrameInfo::default(), pictures, regions: Vec::new() };
         let order: Vec<_> = (0..8).map(|k| footage.picture(k).data[0]).collect();
         assert_eq!(order, [0, 1, 2, 3, 2, 1, 0, 1]);
     }

@@ -6,8 +6,9 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Setting;
+use super::region::RegionPsnr;
 use super::topside::Shown;
-use super::vehicle::{PacketBytes, SentPacket};
+use super::vehicle::{PacketBytes, SentPacket, SentUpdate};
 use super::video::Beside;
 use crate::report::{Table, fixed, write_json};
 
@@ -17,15 +18,22 @@ pub struct Moment {
     pub shown: Shown,
     /// Against the camera's frame, dB.
     pub psnr: f64,
+    /// The same inside and outside of what the prior does not show, if that is asked for.
+    pub region: Option<RegionPsnr>,
 }
 
 pub struct LinkRun {
     pub setting: Setting,
     pub seconds: f64,
+    /// Mean part of a picture that shows what the prior does not, if that is asked for.
+    pub region_part: Option<f64>,
     pub moments: Vec<Moment>,
     pub packets: Vec<SentPacket>,
     /// Bytes of shares that were sent again.
     pub resent: usize,
+    /// Bytes of pieces of updates.
+    pub piece_bytes: usize,
+    pub updates: Vec<SentUpdate>,
     /// By packet: when a picture could be shown first, and when all of it.
     pub pictures: BTreeMap<u32, (f64, Option<f64>)>,
     /// Packets that became whole although shares of them were lost.
@@ -36,6 +44,9 @@ pub struct LinkRun {
     pub beside: Vec<Beside>,
 }
 
+/// Frames in a row that count as shown for good.
+const STEADY: usize = 3;
+
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len().max(1) as f64;
     values.sum::<f64>() / count
@@ -44,6 +55,31 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 impl LinkRun {
     pub fn shown_psnr(&self) -> f64 {
         mean(self.moments.iter().map(|moment| moment.psnr))
+    }
+
+    /// Mean PSNR inside (0) or outside (1) of what the prior does not show, over the frames that have such a part, dB.
+    fn region_psnr(&self, side: usize) -> Option<f64> {
+        let values = self.moments.iter().filter_map(|moment| moment.region?[side]);
+        let values: Vec<_> = values.collect();
+        (!values.is_empty()).then(|| mean(values.into_iter()))
+    }
+
+    /// Seconds until what the prior does not show is shown with a PSNR, in so many frames in a row that have such a
+    /// part.
+    fn seconds_until(&self, psnr: f64) -> Option<f64> {
+        let inside =
+            self.moments.iter().filter_map(|moment| Some((moment.frame, moment.region?[0]?)));
+        let inside: Vec<_> = inside.collect();
+        let is_shown = |frames: &[(usize, f64)]| frames.iter().all(|(_, inside)| *inside >= psnr);
+        let first = inside.windows(STEADY).find(|frames| is_shown(frames))?[0].0;
+        Some(first as f64 / self.setting.fps)
+    }
+
+    /// Mean seconds from the proof of an update to the first frame that is drawn with it.
+    fn adoption_seconds(&self) -> Option<f64> {
+        let seconds = self.updates.iter().filter_map(|sent| Some(sent.adopted? - sent.proven));
+        let seconds: Vec<_> = seconds.collect();
+        (!seconds.is_empty()).then(|| mean(seconds.into_iter()))
     }
 
     /// Camera frames that are shown in a way.
@@ -132,6 +168,14 @@ struct Figures<'a> {
     render_psnr: f64,
     deepest_dip: f64,
     worst_second_bits: f64,
+    /// Updates that were learnt and sent.
+    updates: &'a [SentUpdate],
+    adoption_seconds: Option<f64>,
+    region_part: Option<f64>,
+    region_psnr: Option<f64>,
+    outside_psnr: Option<f64>,
+    seconds_to_25_db: Option<f64>,
+    seconds_to_30_db: Option<f64>,
     beside: &'a [Beside],
     /// Mean bytes of a packet on the link, without what is sent again.
     #[serde(skip)]
@@ -142,6 +186,7 @@ struct Figures<'a> {
 #[derive(Serialize)]
 struct ShownCounts {
     own: usize,
+    outdated: usize,
     between: usize,
     held: usize,
     nothing: usize,
@@ -152,13 +197,14 @@ struct LinkBytes {
     #[serde(flatten)]
     packets: PacketBytes,
     resent: usize,
+    updates: usize,
     total: usize,
 }
 
 impl Figures<'_> {
     fn of(run: &LinkRun) -> Figures<'_> {
         let Setting { bit_rate, mtu, overhead, propagation, loss, latency, seed, .. } = run.setting;
-        let LinkRun { packets, pictures, resent, .. } = run;
+        let LinkRun { packets, pictures, resent, piece_bytes, .. } = run;
         let bytes = run.bytes();
         let [latency_ms, whole_latency_ms] = run.latency();
         let shown = |way: fn(Shown) -> bool| run.shown(way);
@@ -177,13 +223,19 @@ impl Figures<'_> {
             pictures_per_second: run.pictures_per_second(),
             shown: ShownCounts {
                 own: shown(|shown| shown == Shown::Own),
+                outdated: shown(|shown| shown == Shown::Outdated),
                 between: shown(|shown| shown == Shown::Between),
                 held: shown(|shown| matches!(shown, Shown::Held(_))),
                 nothing: shown(|shown| shown == Shown::Nothing),
             },
             latency_ms,
             whole_latency_ms,
-            bytes: LinkBytes { packets: bytes, resent: *resent, total: bytes.total() + resent },
+            bytes: LinkBytes {
+                packets: bytes,
+                resent: *resent,
+                updates: *piece_bytes,
+                total: bytes.total() + resent + piece_bytes,
+            },
             sent_frames: packets.len(),
             inter_frames: packets.iter().filter(|packet| packet.inter).count(),
             lost_frames: run.lost(),
@@ -193,6 +245,13 @@ impl Figures<'_> {
             render_psnr: mean(packets.iter().map(|packet| packet.render_psnr)),
             deepest_dip: run.deepest_dip(),
             worst_second_bits: run.worst_second,
+            updates: &run.updates,
+            adoption_seconds: run.adoption_seconds(),
+            region_part: run.region_part,
+            region_psnr: run.region_psnr(0),
+            outside_psnr: run.region_psnr(1),
+            seconds_to_25_db: run.seconds_until(25.0),
+            seconds_to_30_db: run.seconds_until(30.0),
             beside: &run.beside,
             packet_bytes: mean(packets.iter().map(|packet| packet.bytes.total() as f64)),
         }
@@ -236,6 +295,28 @@ pub fn print(runs: &[LinkRun]) {
         }
     }
     table.print();
+    runs.iter().for_each(print_updates);
+}
+
+/// Says what was learnt, and what is shown of what the prior does not show.
+fn print_updates(run: &LinkRun) {
+    let loss = fixed(run.setting.loss.chance, 3);
+    if run.setting.updates.is_some() {
+        let adopted = run.updates.iter().filter(|sent| sent.adopted.is_some()).count();
+        let outdated = run.shown(|shown| shown == Shown::Outdated);
+        let seconds = run.adoption_seconds().map_or("none".into(), |s| format!("{s:.1} s"));
+        println!(
+            "loss {loss}: {} updates in {} bytes; {adopted} adopted, {seconds} after they were proven; {outdated} \
+             frames shown with an older one",
+            run.updates.len(),
+            run.piece_bytes
+        );
+    }
+    if let Some((inside, outside)) = run.region_psnr(0).zip(run.region_psnr(1)) {
+        println!(
+            "loss {loss}: {inside:.2} dB where the prior does not show it, {outside:.2} dB elsewhere"
+        );
+    }
 }
 
 /// `link.json`. At its top level it has the first setting's figures.
@@ -256,6 +337,10 @@ pub fn write(folder: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
         let sent = run.packets.iter().find(|packet| packet.frame == moment.frame);
         sent.map_or(String::new(), cell)
     };
+    let region = |moment: &Moment, side: usize| match moment.region.and_then(|psnr| psnr[side]) {
+        Some(psnr) => fixed(psnr, 3),
+        None => String::new(),
+    };
     let table = Table::of(
         &rows,
         &[
@@ -266,6 +351,9 @@ pub fn write(folder: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
             ("shown_psnr", &|(_, moment)| fixed(moment.psnr, 3)),
             ("sent_bytes", &|row| sent(row, |sent| sent.bytes.total().to_string())),
             ("sent_psnr", &|row| sent(row, |sent| fixed(sent.psnr, 3))),
+            ("update", &|row| sent(row, |sent| sent.update.to_string())),
+            ("region_psnr", &|(_, moment)| region(moment, 0)),
+            ("outside_psnr", &|(_, moment)| region(moment, 1)),
         ],
     );
     table.write_csv(&folder.join("frames.csv"))

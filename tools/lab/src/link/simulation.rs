@@ -76,6 +76,10 @@ pub struct Simulation<'a> {
     vehicle: Vehicle,
     topside: Topside,
     plan: Agenda,
+    /// When the next modem frame is looked for, seconds.
+    next_due: f64,
+    /// When the run ends, seconds: a vehicle without reports never has nothing to send.
+    end: f64,
     moments: Vec<Moment>,
 }
 
@@ -94,6 +98,8 @@ impl<'a> Simulation<'a> {
             topside: Topside::new(engine, scene, camera, &setting)?,
             setting,
             plan: Agenda::default(),
+            next_due: f64::INFINITY,
+            end: 0.0,
             moments: Vec::new(),
         })
     }
@@ -101,6 +107,7 @@ impl<'a> Simulation<'a> {
     /// Runs so many camera frames. `done` is called after each one is shown.
     pub fn run(mut self, frames: usize, mut done: impl FnMut()) -> anyhow::Result<LinkRun> {
         let seconds = frames as f64 / self.setting.fps;
+        self.end = seconds + self.setting.latency;
         let mut channel = Channel::new(&self.setting, seconds);
         for frame in 0..frames {
             let exposed = frame as f64 / self.setting.fps;
@@ -117,20 +124,21 @@ impl<'a> Simulation<'a> {
         while let Some(At { time, event, .. }) = self.plan.heap.pop() {
             match event {
                 Event::Exposed(frame) => self.expose(frame, time)?,
-                Event::Due => {
+                Event::Due if time == self.next_due => {
+                    self.next_due = f64::INFINITY;
                     while let Some(share) = self.vehicle.next_share(time) {
                         send(&mut self.plan, &mut channel, time, share);
                     }
-                    if let Some(due) = self.vehicle.due() {
-                        self.plan.add(due, Event::Due);
-                    }
+                    self.plan_due(time);
                 }
+                // Something was due before it, and has planned anew.
+                Event::Due => {}
                 Event::Arrived(share) => self.topside.take(time, &share)?,
                 Event::Report => self.report(time, &mut channel)?,
                 Event::Reported(report) => {
                     let (report, _) = Report::read(&report)?;
                     self.vehicle.process_report(time, &report)?;
-                    self.plan.add(time, Event::Due);
+                    self.plan_due(time);
                 }
                 Event::Displayed(frame) => {
                     self.display(frame)?;
@@ -143,8 +151,11 @@ impl<'a> Simulation<'a> {
         Ok(LinkRun {
             setting: self.setting,
             seconds,
+            region_part: self.footage.region_part(),
             moments: self.moments,
             resent: self.vehicle.resent,
+            piece_bytes: self.vehicle.piece_bytes(),
+            updates: self.vehicle.updates,
             packets: self.vehicle.sent,
             pictures: self.topside.pictures,
             repaired,
@@ -156,10 +167,18 @@ impl<'a> Simulation<'a> {
     fn expose(&mut self, frame: usize, now: f64) -> anyhow::Result<()> {
         let hint = if frame == 0 { self.footage.first.hint } else { None };
         let info = FrameInfo { hint, time: Some(now) };
-        if self.vehicle.take(frame, now, self.footage.picture(frame), info)? {
-            self.plan.add(now + self.setting.coding, Event::Due);
-        }
+        self.vehicle.take(frame, now, self.footage.picture(frame), info)?;
+        self.plan_due(now);
         Ok(())
+    }
+
+    /// Looks for the next modem frame when it is due.
+    fn plan_due(&mut self, now: f64) {
+        let due = self.vehicle.due().map(|due| due.max(now));
+        if let Some(due) = due.filter(|due| *due < self.next_due && *due <= self.end) {
+            self.next_due = due;
+            self.plan.add(due, Event::Due);
+        }
     }
 
     fn report(&mut self, now: f64, channel: &mut Channel) -> anyhow::Result<()> {
@@ -176,7 +195,8 @@ impl<'a> Simulation<'a> {
     fn display(&mut self, frame: usize) -> anyhow::Result<()> {
         let wanted = self.footage.picture(frame);
         let (shown, picture) = self.topside.show(frame as u32)?;
-        self.moments.push(Moment { frame, shown, psnr: picture.psnr(wanted) });
+        let region = self.footage.region(frame).map(|region| region.psnr(picture, wanted));
+        self.moments.push(Moment { frame, shown, psnr: picture.psnr(wanted), region });
         Ok(())
     }
 }

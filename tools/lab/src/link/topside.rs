@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nvsprior::modem::{Collected, Collector, CollectorOptions};
 use nvsprior::render::Scene;
-use nvsprior::{Camera, Decoded, Decoder, Engine, Mode, Picture, Pose, Trust};
+use nvsprior::{Camera, Decoded, Decoder, Engine, Error, Mode, Picture, Pose, Trust};
 
 use super::Setting;
 
@@ -14,6 +14,8 @@ use super::Setting;
 pub enum Shown {
     /// What came of its own packet.
     Own,
+    /// The render at the packet's pose, with an older update than the vehicle's: the one that it needs has not come.
+    Outdated,
     /// The prior at a pose between those of frames that came.
     Between,
     /// The picture of this earlier frame.
@@ -25,6 +27,7 @@ impl Shown {
     pub fn name(self) -> &'static str {
         match self {
             Shown::Own => "own",
+            Shown::Outdated => "outdated",
             Shown::Between => "between",
             Shown::Held(_) => "held",
             Shown::Nothing => "nothing",
@@ -58,6 +61,8 @@ pub struct Topside {
 }
 
 const PACKETS: usize = 64;
+/// Room for an update, bytes.
+const UPDATE_BYTES: usize = 1 << 13;
 /// Seconds on either side of a frame that did not come, between which its pose is looked for.
 const REACH: f64 = 1.0;
 /// Camera frames after which a packet is stale at the latest: shares name frames modulo 128.
@@ -78,6 +83,7 @@ impl Topside {
             shares: setting.shares,
             packets: PACKETS,
             age: (setting.latency + 2.0 * REACH).min(STALE / setting.fps),
+            update_bytes: if setting.updates.is_some() { UPDATE_BYTES } else { 0 },
             ..CollectorOptions::new(setting.mtu)
         };
         Ok(Topside {
@@ -117,8 +123,18 @@ impl Topside {
             | Collected::Duplicate
             | Collected::Surplus
             | Collected::Damaged(..) => {}
+            Collected::Update(stream) => self.add_updates(stream)?,
         }
         Ok(())
+    }
+
+    /// Adds the updates that are whole and due. Frames that waited for them may be decoded now.
+    fn add_updates(&mut self, stream: u8) -> anyhow::Result<()> {
+        while let Some(update) = self.collector.update(stream) {
+            let added = self.decoder.add_update(update).is_ok();
+            self.collector.settle_update(stream, added);
+        }
+        if self.inter { self.catch_up() } else { Ok(()) }
     }
 
     /// What there is of a camera frame.
@@ -138,18 +154,28 @@ impl Topside {
             return Ok(Shown::Own);
         }
         if let Some(packet) = self.collector.packet(0, frame) {
-            self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded)?;
+            match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded) {
+                // No frame came before it: there is no camera to draw with.
+                Err(Error::UpdateMissing { .. }) => return Ok(self.held()),
+                decoded => decoded?,
+            }
             self.shown = Some(frame);
-            return Ok(Shown::Own);
+            let is_missing = self.decoded.missing_update.is_some();
+            return Ok(if is_missing { Shown::Outdated } else { Shown::Own });
         }
         let Some(pose) = self.pose_between(frame)? else {
-            return Ok(self.shown.map_or(Shown::Nothing, Shown::Held));
+            return Ok(self.held());
         };
         if !self.decoder.draw(&pose, &mut self.decoded.picture)? {
             return Ok(Shown::Nothing);
         }
         self.shown = Some(frame);
         Ok(Shown::Between)
+    }
+
+    /// The picture that is there already.
+    fn held(&self) -> Shown {
+        self.shown.map_or(Shown::Nothing, Shown::Held)
     }
 
     /// The pose of a frame that did not come, between those of frames that did and of which the vehicle is certain.
@@ -195,7 +221,10 @@ impl Topside {
             done = false;
             for frame in std::mem::take(&mut self.waiting) {
                 let Some(packet) = self.collector.packet(0, frame) else { continue };
-                self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.ahead)?;
+                match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.ahead) {
+                    Err(Error::UpdateMissing { .. }) => self.ahead.kept = false,
+                    decoded => decoded?,
+                }
                 if self.ahead.kept {
                     self.kept.insert(frame);
                     self.ready.insert(frame, self.ahead.picture.clone());
@@ -211,7 +240,10 @@ impl Topside {
     /// What the vehicle is to know, as it goes over the return channel.
     pub fn report(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
         let kept = |frame| self.kept.contains(&frame);
-        let Some(report) = self.collector.report(0, kept)? else { return Ok(None) };
+        let Some(mut report) = self.collector.report(0, kept)? else { return Ok(None) };
+        if self.collector.options().update_bytes > 0 {
+            report.tell_states(self.decoder.states());
+        }
         let mut bytes = vec![0; self.mtu];
         let len = report.write(None, &mut bytes)?;
         bytes.truncate(len);

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nvsprior::learning::LearnOptions;
 use nvsprior::modem::{
     Division, ModemError, PacketState, Protection, RateControlOptions, Report, Sender,
     SenderOptions,
@@ -23,6 +24,19 @@ pub struct SentPacket {
     /// Of the whole packet.
     pub psnr: f64,
     pub inter: bool,
+    /// Number of the update that it is drawn with; 0: the prior alone.
+    pub update: u16,
+}
+
+/// An update that was learnt and sent.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub struct SentUpdate {
+    pub number: u16,
+    pub bytes: usize,
+    /// When it was proven, seconds.
+    pub proven: f64,
+    /// From when on frames were drawn with it, seconds; `None`: not within the run.
+    pub adopted: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
@@ -61,6 +75,7 @@ pub struct Vehicle {
     pub sent: Vec<SentPacket>,
     /// Bytes of shares that were sent again.
     pub resent: usize,
+    pub updates: Vec<SentUpdate>,
     setting: Setting,
 }
 
@@ -78,26 +93,32 @@ impl Vehicle {
             mode: setting.mode,
             ..Default::default()
         };
+        let mut encoder = Encoder::new(engine, scene, &footage.camera, options)?;
+        if setting.updates.is_some() {
+            encoder.learn(&LearnOptions::default())?;
+        }
         Ok(Vehicle {
-            encoder: Encoder::new(engine, scene, &footage.camera, options)?,
+            encoder,
             sender: sender(setting)?,
             encoded: Encoded::default(),
             next: 0,
             sent: Vec::new(),
             resent: 0,
+            updates: Vec::new(),
             setting: setting.clone(),
         })
     }
 
-    /// Takes a frame; tells whether it is sent, and is not left out.
+    /// Takes a frame; leaves it out if the link has no bytes for it.
     pub fn take(
         &mut self,
         frame: usize,
         exposed: f64,
         picture: &Picture,
         info: FrameInfo,
-    ) -> anyhow::Result<bool> {
-        let Some(bytes) = self.sender.plan(exposed)? else { return Ok(false) };
+    ) -> anyhow::Result<()> {
+        self.adopt(exposed);
+        let Some(bytes) = self.sender.plan(exposed)? else { return Ok(()) };
         self.encoder.skip((frame - self.next) as u32);
         self.next = frame + 1;
         // A packet that tells the camera has as many bytes for its difference picture as others.
@@ -115,8 +136,39 @@ impl Vehicle {
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             inter: stats.reference.is_some(),
+            update: self.encoder.learnt().number(),
         });
-        Ok(true)
+        self.send_update(ready)
+    }
+
+    /// Draws with the update that waits, once the topside holds it.
+    fn adopt(&mut self, now: f64) {
+        let Some(number) = self.sender.held_update() else { return };
+        if self.encoder.adopt(number) {
+            let sent = self.updates.iter_mut().find(|sent| sent.number == number);
+            sent.into_iter().for_each(|sent| sent.adopted = Some(now));
+        }
+    }
+
+    /// Sends the update that the last frame proved. What the sender has no room for is dropped.
+    fn send_update(&mut self, now: f64) -> anyhow::Result<()> {
+        let Some(update) = self.encoder.take_update()? else { return Ok(()) };
+        match self.sender.push_update(now, &update) {
+            Err(ModemError::UpdatesFull { .. } | ModemError::UpdateTooLong { .. }) => {
+                self.encoder.drop_update();
+                return Ok(());
+            }
+            pushed => pushed?,
+        }
+        let number = self.encoder.waiting_update().unwrap_or(0);
+        let (bytes, proven) = (update.len(), now);
+        self.updates.push(SentUpdate { number, bytes, proven, adopted: None });
+        Ok(())
+    }
+
+    /// Bytes on the link of the updates' pieces.
+    pub fn piece_bytes(&self) -> usize {
+        self.sender.statistics().piece_bytes as usize
     }
 
     /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its
@@ -171,5 +223,6 @@ pub fn sender(setting: &Setting) -> Result<Sender, ModemError> {
         stream: 0,
         protection: Protection::Layers,
         expect_reports: setting.return_delay.is_some(),
+        updates: setting.updates,
     })
 }
