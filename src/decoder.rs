@@ -41,7 +41,8 @@ pub struct Decoded {
     pub kept: bool,
     /// Number, modulo 256, of the update that the frame is drawn with, if this side does not hold it. The picture is
     /// then the render with the newest update that is held, at the packet's pose: it does not show what the vehicle
-    /// saw. In the short form the camera that drew last, or the newest one, is taken for its camera. Ask the vehicle for its updates. `None`: this side holds all that it needs.
+    /// saw. In the short form the camera that drew last, or the newest one, is taken for its camera. Ask the vehicle
+    /// for its updates. `None`: this side holds all that it needs.
     pub missing_update: Option<u8>,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
@@ -178,10 +179,10 @@ impl Decoder {
         Ok(())
     }
 
-    /// Takes an update of the prior, as it travels. Returns the number of the newest update. Packets that are drawn with
-    /// it can be decoded from here on; those of some updates before still can. An update that is there already changes
-    /// nothing. One that stands on an earlier state is the first one of a new chain: the vehicle has begun anew from
-    /// that state, and the updates after it are forgotten.
+    /// Takes an update of the prior, as it travels. Returns the number of the newest update. Packets that are drawn
+    /// with it can be decoded from here on; those of some updates before still can. An update that is there already
+    /// changes nothing. One that stands on an earlier state is the first one of a new chain: the vehicle has begun anew
+    /// from that state, and the updates after it are forgotten.
     ///
     /// # Errors
     /// If it is damaged, of another prior, or does not stand on a state that is held: others come before it. If the

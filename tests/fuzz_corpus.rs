@@ -7,6 +7,8 @@ mod compact;
 mod packed;
 #[path = "../fuzz/src/packet.rs"]
 mod packet;
+#[path = "../fuzz/src/pieces.rs"]
+mod pieces;
 #[path = "../fuzz/src/ply.rs"]
 mod ply;
 #[path = "../fuzz/src/shares.rs"]
@@ -50,6 +52,11 @@ fn unprotected_packets() {
 #[test]
 fn shares_of_packets() {
     run("shares", shares::run);
+}
+
+#[test]
+fn pieces_of_updates() {
+    run("pieces", pieces::run);
 }
 
 #[test]

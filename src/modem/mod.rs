@@ -97,10 +97,10 @@
 //!
 //! # Updates
 //!
-//! An [update](crate::prior::Update) of the prior travels beside the packets, in *pieces* that are one modem frame each.
-//! It is cut into *sources*, and by the same Reed–Solomon code as layers into up to 256 pieces, of which any as many as
-//! there are sources yield it. The first pieces are the sources. MTU: as for shares; at 16 bytes an update has at most
-//! 1,566 bytes, at 64 bytes 12,317.
+//! An [update](crate::prior::Update) of the prior travels beside the packets, in *pieces*: one modem frame each. It is
+//! cut into *sources*, and by the same Reed–Solomon code as layers into up to 256 pieces, of which any as many as there
+//! are sources yield it. The first pieces are the sources. MTU: as for shares; at 16 bytes an update has at most 1,566
+//! bytes, at 64 bytes 12,318.
 //!
 //! | byte | piece |
 //! |---|---|

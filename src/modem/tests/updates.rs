@@ -89,6 +89,11 @@ fn sources(piece: &[u8]) -> usize {
     usize::from(piece[4]) + 1
 }
 
+/// Which update, which of its pieces, what happens to it, where, and whether its check is made right again.
+fn arrival() -> impl Strategy<Value = (usize, usize, usize, u16, bool)> {
+    (0_usize..3, 0_usize..256, 0_usize..16, any::<u16>(), any::<bool>())
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
@@ -126,7 +131,7 @@ proptest! {
     #[test]
     fn damaged_cut_and_mixed_pieces_yield_no_other_update(
         (mtu, seed) in (20_usize..100, any::<u32>()),
-        arrivals in proptest::collection::vec((0_usize..3, 0_usize..256, 0_usize..16, any::<u16>(), any::<bool>()), 0..300),
+        arrivals in proptest::collection::vec(arrival(), 0..300),
     ) {
         // Two updates of one number, and the one after.
         let one = chain(seed, &[20, 30]);

@@ -48,12 +48,13 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     mode: ModeArgs,
-    /// The vehicle learns what its frames show and the prior does not. It sends updates of the prior beside its packets,
-    /// and draws with each as soon as the topside holds it
+    /// The vehicle learns what its frames show and the prior does not. It sends updates of the prior beside its
+    /// packets, and draws with each as soon as the topside holds it
     #[arg(long)]
     learn: bool,
     /// Part of the bit rate that updates get while they are sent
-    #[arg(long, value_name = "X", default_value_t = UpdateOptions::default().share, requires = "learn", value_parser = values::not_negative)]
+    #[arg(long, value_name = "X", default_value_t = UpdateOptions::default().share, requires = "learn",
+        value_parser = values::not_negative)]
     update_share: f64,
     /// Also tell the PSNR inside and outside of what the prior does not show: where the frames differ from its render,
     /// at the poses of the camera file
