@@ -14,17 +14,31 @@ const CELL: usize = 8;
 const DIFFERENT: f32 = 14.0;
 /// More than this counts as this: one bright line is no object.
 const MOST: f32 = 60.0;
-/// Standard deviation of a first splat, in sides of its cell.
+/// Standard deviation of a first splat across the ray, in sides of its cell.
 const SPREAD: f64 = 0.45;
 
-/// A splat as it begins: round, of one colour.
+/// How much longer a first splat is along the ray than across. What is new has a depth: its sides show once the camera
+/// has moved.
+const DEPTH: f64 = 2.0;
+
+/// A splat as it begins: of one colour, longer along the ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Start {
     pub position: DVec3,
     /// Red, green, blue, 0 to 1.
     pub colour: [f32; 3],
-    /// Standard deviation, the prior's unit.
-    pub size: f64,
+    /// Standard deviations across the ray and along it, the prior's unit.
+    pub sizes: [f64; 2],
+    /// Direction of the ray, a unit vector.
+    pub ray: DVec3,
+}
+
+impl Start {
+    /// Of a surface at a point that is seen from `eye`: what it shows lies at the splat's near end.
+    fn behind(surface: DVec3, eye: DVec3, colour: [f32; 3], across: f64) -> Start {
+        let (ray, along) = ((surface - eye).normalize(), DEPTH * across);
+        Start { position: surface + (along - across) * ray, colour, sizes: [across, along], ray }
+    }
 }
 
 /// What the scene shows at a key frame's pose.
@@ -64,10 +78,10 @@ pub fn add_starts(
         if let Some([x, y]) = middle(pixels, |[x, y]| difference[y * width + x]) {
             let depth = f64::from(shown.depths[y * width + x]);
             let found = (depth > 0.0).then(|| sweep(key, [x, y], depth, others)).flatten();
-            starts.extend(found.map(|(position, z)| Start {
-                position,
-                colour: key.blurred[y * width + x].map(|value| value / 255.0),
-                size: SPREAD * cell as f64 * z / f64::from(camera.fx),
+            let colour = key.blurred[y * width + x].map(|value| value / 255.0);
+            starts.extend(found.map(|(surface, z)| {
+                let across = SPREAD * cell as f64 * z / f64::from(camera.fx);
+                Start::behind(surface, key.pose.centre(), colour, across)
             }));
         }
     }

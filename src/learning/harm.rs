@@ -41,7 +41,7 @@ impl Harms<'_> {
                 for column in range(x, width) {
                     let pixel = row * key.camera.width as usize + column;
                     if key.counts(pixel) {
-                        let [a, b] = [with, without].map(|render| error(key, render, pixel));
+                        let [a, b] = [with, without].map(|render| key.error(render, pixel));
                         *sum += a - b;
                         *count += 1;
                     }
@@ -55,11 +55,4 @@ impl Harms<'_> {
         let harms = |(sum, count): &(f64, u32)| *count > 0 && *sum > HARM * f64::from(*count);
         (0..).zip(&self.sums).filter(|(_, sum)| harms(sum)).map(|(place, _)| place).collect()
     }
-}
-
-/// Mean squared error of a pixel.
-fn error(key: &KeyFrame, render: &Picture, pixel: usize) -> f64 {
-    let values = |picture: &Picture| [0, 1, 2].map(|c| f64::from(picture.data[3 * pixel + c]));
-    let (a, b) = (values(&key.picture), values(render));
-    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>() / 3.0
 }

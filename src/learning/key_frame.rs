@@ -95,4 +95,11 @@ impl KeyFrame {
         };
         Some([mix(0), mix(1), mix(2)])
     }
+
+    /// Mean squared error of a pixel of a render, values up to 255.
+    pub fn error(&self, render: &Picture, pixel: usize) -> f64 {
+        let values = |picture: &Picture| [0, 1, 2].map(|c| f64::from(picture.data[3 * pixel + c]));
+        let (a, b) = (values(&self.picture), values(render));
+        (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>() / 3.0
+    }
 }

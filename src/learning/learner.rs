@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::image::Mask;
 use crate::prior::update::{LearntSplat, MAX_LEARNT};
-use crate::prior::{Learnt, NewSplat, Update, UpdateGrid};
+use crate::prior::{Learnt, NewSplat, UpdateGrid};
 use crate::random::Random;
 use crate::render::training::{Trainer, TrainingFrame, TrainingPlan, TrainingView};
 use crate::render::{Plan, Renderer, Scene, TRIED};
@@ -16,14 +16,16 @@ use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 
 use super::LearnOptions;
 use super::cells::{Shown, Start, add_starts};
+use super::crop::{camera_of, corner_around, part_size};
+use super::draft::{Draft, places};
 use super::harm::Harms;
 use super::held_out::{HeldOut, HeldOuts};
 use super::judge::{Judge, pays};
 use super::key_frame::KeyFrame;
-use super::refine::{Course, has_changed};
+use super::refine::Course;
+use super::trial::{FEWEST, Proven, Trial};
+use super::worth::{Part, worths};
 
-/// Fewest splats that an update is worth.
-const FEWEST: usize = 6;
 /// New key frames between two episodes.
 const FRESH: usize = 4;
 /// Newest key frames by which learnt splats are taken back.
@@ -32,6 +34,8 @@ const COMPARED: usize = 3;
 const OLDER: usize = 8;
 /// Key frames redrawn per frame after an update.
 const REDRAWN: usize = 2;
+/// Most frames that count as a key frame and those before the next: a camera that hovers moves on some day.
+const MOST_BETWEEN: f64 = 30.0;
 
 /// What a learner did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,33 +70,10 @@ struct Kept {
     shown: Option<Shown>,
 }
 
-/// An update that is trained or judged.
-struct Draft {
-    /// What is learnt already and stays as it is.
-    base: Learnt,
-    /// Places of learnt splats that go, and of those that are trained again.
-    removed: Vec<u16>,
-    again: Vec<u16>,
-    course: Course,
-    /// What it is learnt from.
-    frames: Vec<(Arc<KeyFrame>, TrainingFrame)>,
-    /// New splats.
-    count: usize,
-    step: u32,
-    /// Once it is trained: the update's bytes, and what it saved.
-    trained: Option<Trained>,
-}
-
-struct Trained {
-    update: Proven,
-    saved: Vec<f64>,
-}
-
-/// An update that is proven.
-pub struct Proven {
-    /// What is learnt with it.
-    pub after: Learnt,
-    pub bytes: Vec<u8>,
+/// What an episode is at.
+enum Work {
+    Training(Draft),
+    Judging(Trial),
 }
 
 /// Learns beside an encoder, on the encoder's scene, which must have been uploaded for updates.
@@ -110,7 +91,7 @@ pub struct Learner {
     /// Key frames since the last episode began.
     fresh: usize,
     held_out: HeldOuts,
-    draft: Option<Draft>,
+    work: Option<Work>,
     random: Random,
     stats: LearnerStats,
 }
@@ -126,7 +107,7 @@ impl Learner {
         options: &LearnOptions,
     ) -> Result<Learner, Error> {
         let plan = TrainingPlan {
-            size: [camera.width, camera.height],
+            size: part_size([camera.width, camera.height]),
             options: scene.splats.options,
             sh_degree: scene.analysis().sh_degree,
             splats: TRIED as u32,
@@ -146,7 +127,7 @@ impl Learner {
             older: Vec::new(),
             fresh: 0,
             held_out: HeldOuts::default(),
-            draft: None,
+            work: None,
             random: Random::new(1),
             stats: LearnerStats::default(),
         })
@@ -169,19 +150,23 @@ impl Learner {
     /// If the device fails. What was learnt before stays.
     pub fn frame(&mut self, found: &Found) -> Result<Option<Proven>, Error> {
         self.collect(found)?;
-        match self.draft.take() {
+        let work = match self.work.take() {
+            Some(Work::Training(draft)) => self.refine(draft)?,
+            Some(judging) => Some(judging),
             None => {
                 self.redraw()?;
                 if self.fresh >= FRESH && self.kept.len() >= self.options.fewest_frames {
-                    self.draft = self.begin()?;
+                    self.work = self.begin()?.map(Work::Training);
                 }
+                return Ok(None);
+            }
+        };
+        match work {
+            Some(Work::Judging(trial)) => self.judge(trial, found.rate),
+            training => {
+                self.work = training;
                 Ok(None)
             }
-            Some(draft) if draft.trained.is_none() => match self.refine(draft)? {
-                Some(draft) => self.judge(draft, found.rate),
-                None => Ok(None),
-            },
-            Some(draft) => self.judge(draft, found.rate),
         }
     }
 
@@ -203,9 +188,10 @@ impl Learner {
     fn keep(&mut self, found: &Found) -> Result<(), Error> {
         let Found { number, frame, render, pose, mask, .. } = *found;
         let frame = Arc::new(KeyFrame::new(number, &self.camera, pose, frame, mask));
-        if self.draft.is_some() {
+        if self.work.is_some() {
             let held = HeldOut { frame: frame.clone(), render: render.clone() };
-            self.held_out.push(held, self.options.judged);
+            // One more: what is worth its bytes is chosen by the first of them.
+            self.held_out.push(held, self.options.judged + 1);
         }
         let shown = self.shown(pose)?;
         let moved = self
@@ -286,7 +272,8 @@ impl Learner {
         let frames = all.map(training).collect();
         self.held_out.clear();
         let count = starts.len();
-        Ok(Some(Draft { base, removed, again, course, frames, count, step: 0, trained: None }))
+        let places = starts.iter().map(|start| start.position).chain(places(&splats)).collect();
+        Ok(Some(Draft { base, removed, again, course, frames, places, count, step: 0 }))
     }
 
     /// The learnt splats that the key frames show, without those that go; `most` of them.
@@ -372,23 +359,58 @@ impl Learner {
     }
 
     /// Takes some steps; `None`: nothing is left of the draft.
-    fn refine(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
+    fn refine(&mut self, mut draft: Draft) -> Result<Option<Work>, Error> {
         self.scene.show_part(&draft.base)?;
         for _ in 0..self.options.steps_per_frame {
             if draft.step >= draft.course.steps {
                 break;
             }
-            let turn = self.turn(&draft);
-            let (key, frame) = &draft.frames[turn];
-            let view = TrainingView { camera: &key.camera, pose: &key.pose, frame };
-            self.trainer.step(&view, &draft.course.at(draft.step))?;
+            self.step(&draft)?;
             draft.step += 1;
         }
         self.scene.show(&self.learnt)?;
         if draft.step < draft.course.steps {
-            return Ok(Some(draft));
+            return Ok(Some(Work::Training(draft)));
         }
-        self.finish(draft)
+        let (update, changes) = draft.update(self.scene.id(), &self.learnt, &self.trainer.state()?);
+        let new = |splat: &NewSplat| Part { splat: splat.learnt(&update.grid), new: 1.0 };
+        let parts = update.splats.iter().map(new).chain(changes).collect();
+        let trial = Trial::new(&self.learnt, update, parts, self.horizon())?;
+        Ok(trial.map(Work::Judging))
+    }
+
+    /// Trains the splats by a part of a frame.
+    fn step(&mut self, draft: &Draft) -> Result<(), Error> {
+        let turn = self.turn(draft);
+        let (key, frame) = &draft.frames[turn];
+        let size = [self.camera.width, self.camera.height];
+        let part = part_size(size);
+        let at: Vec<[usize; 2]> =
+            draft.places.iter().filter_map(|place| key.pixel_of(*place)).collect();
+        let Some(around) = at.get(self.random.bits() as usize % at.len().max(1)) else {
+            return Ok(());
+        };
+        let corner = corner_around(*around, size, part);
+        let inside = |[x, y]: &&[usize; 2]| {
+            let within =
+                |k: usize, at: usize| (corner[k]..corner[k] + part[k]).contains(&(at as u32));
+            within(0, *x) && within(1, *y)
+        };
+        let shown = at.iter().filter(inside).count() as f64 / draft.places.len() as f64;
+        let [first, part_of] = [corner, part].map(|pair| pair.map(|v| v as usize));
+        let frame = frame.part(size[0] as usize, first, part_of);
+        let camera = camera_of(&key.camera, corner, part);
+        let view = TrainingView { camera: &camera, pose: &key.pose, frame: &frame };
+        Ok(self.trainer.step(&view, &draft.course.at(draft.step, shown))?)
+    }
+
+    /// Frames in which the camera comes as far as it must for an update to pay, as it moves now.
+    fn horizon(&self) -> f64 {
+        let numbers = self.kept.front().zip(self.kept.back());
+        let frames =
+            numbers.map_or(0, |(first, last)| last.frame.number.wrapping_sub(first.frame.number));
+        let between = f64::from(frames) / self.kept.len().saturating_sub(1).max(1) as f64;
+        f64::from(self.options.horizon) * between.clamp(1.0, MOST_BETWEEN)
     }
 
     /// Which frame's turn it is: two of three times one of the newest.
@@ -399,73 +421,42 @@ impl Learner {
         all - 1 - ((bits >> 8) % among as u64) as usize
     }
 
-    /// Makes the update of a draft that is trained.
-    fn finish(&mut self, mut draft: Draft) -> Result<Option<Draft>, Error> {
-        let state = self.trainer.state()?;
-        let grid = draft.course.grid;
-        let trained = draft.course.splats(&state, draft.count + draft.again.len());
-        let (new, again) = trained.split_at(draft.count);
-        let splats = new.iter().flatten().map(|splat| NewSplat::nearest(splat, &grid)).collect();
-        let (mut removed, mut changed) = (draft.removed.clone(), Vec::new());
-        for (place, after) in draft.again.iter().zip(again) {
-            let before = &self.learnt.splats()[usize::from(*place)];
-            match after {
-                None => removed.push(*place),
-                Some(after) if has_changed(before, after) => {
-                    changed.extend(self.learnt.changed_to(*place, after));
-                }
-                Some(_) => (),
+    /// Chooses what of an update is worth its bytes by a frame that it was not learnt from, and judges it by others.
+    /// Returns the update if it pays.
+    fn judge(&mut self, mut trial: Trial, rate: Option<Rate>) -> Result<Option<Proven>, Error> {
+        while let Some(held) = self.held_out.pop() {
+            let with = self.drawn(trial.after(), &held)?;
+            let HeldOut { frame, render } = &held;
+            if trial.parts.is_empty() {
+                trial.saved.push(self.judge.saved(&frame.picture, render, &with, rate)?);
+                continue;
+            }
+            let price = self.judge.bytes_per_error(&frame.picture, render, rate)?;
+            let worths = worths(frame, &trial.parts, [render, &with], price);
+            match trial.chosen(&self.learnt, &worths)? {
+                Some(chosen) => trial = chosen,
+                None => return Ok(self.refuse()),
             }
         }
-        removed.sort_unstable();
-        let numbers = draft.frames.iter().map(|(frame, _)| frame.number % (1 << 24));
-        let update = Update {
-            prior: self.scene.id(),
-            number: self.learnt.number() + 1,
-            before: self.learnt.state(),
-            grid,
-            splats,
-            removed,
-            changed,
-            fades: Vec::new(),
-            frames: [numbers.clone().min().unwrap_or(0), numbers.max().unwrap_or(0)],
-        };
-        if update.splats.len() + update.removed.len() + update.changed.len() < FEWEST {
+        if trial.saved.len() < self.options.judged {
+            self.work = Some(Work::Judging(trial));
             return Ok(None);
         }
-        let (mut after, mut bytes) = (self.learnt.clone(), Vec::new());
-        after.add(&update)?;
-        update.write(&mut bytes)?;
-        draft.trained = Some(Trained { update: Proven { after, bytes }, saved: Vec::new() });
-        Ok(Some(draft))
-    }
-
-    /// Judges a draft by the frames that it was not learnt from. Returns its update if it pays.
-    fn judge(&mut self, mut draft: Draft, rate: Option<Rate>) -> Result<Option<Proven>, Error> {
-        let Some(mut trained) = draft.trained.take() else {
-            self.draft = Some(draft);
-            return Ok(None);
-        };
-        while let Some(held) = self.held_out.pop() {
-            trained.saved.push(self.saved(&trained.update.after, &held, rate)?);
-        }
-        if trained.saved.len() < self.options.judged {
-            draft.trained = Some(trained);
-            self.draft = Some(draft);
-            return Ok(None);
-        }
-        let Trained { update, saved } = trained;
-        if !pays(&saved, update.bytes.len(), self.options.horizon) {
-            self.stats.refused += 1;
-            return Ok(None);
+        if !pays(&trial.saved, trial.len(), trial.horizon) {
+            return Ok(self.refuse());
         }
         self.stats.updates += 1;
-        self.stats.update_bytes += update.bytes.len();
-        Ok(Some(update))
+        self.stats.update_bytes += trial.len();
+        Ok(Some(trial.proven()))
     }
 
-    /// Bytes that another state than the scene's saves on a frame.
-    fn saved(&mut self, after: &Learnt, held: &HeldOut, rate: Option<Rate>) -> Result<f64, Error> {
+    fn refuse(&mut self) -> Option<Proven> {
+        self.stats.refused += 1;
+        None
+    }
+
+    /// What another state than the scene's shows in a frame.
+    fn drawn(&mut self, after: &Learnt, held: &HeldOut) -> Result<Picture, Error> {
         let mut with = Picture::new(self.camera.width, self.camera.height);
         self.scene.show(after)?;
         let drawn = self.renderer.picture(&held.frame.pose, &mut with);
@@ -477,7 +468,7 @@ impl Learner {
                 rgb.copy_from_slice(&held.render.data[at..at + 3]);
             });
         }
-        Ok(self.judge.saved(&held.frame.picture, &held.render, &with, rate)?)
+        Ok(with)
     }
 }
 

@@ -6,10 +6,11 @@
 //! 2. *Start*: cells of the picture that differ from the render get a splat each, at the depth at which the other
 //!    frames show the same (plane sweep, Collins 1996). Learnt splats beside which the newest frames look worse than
 //!    without are taken back.
-//! 3. *Refine*: these splats, and the learnt ones in view, are trained on the kept frames and on some older ones. They
-//!    are rounded as the update will hold them. The prior's own splats stay.
-//! 4. *Judge*: frames that were not learnt from are coded with the update and without. It is given out if it pays for
-//!    its bytes within a stated number of frames.
+//! 3. *Refine*: these splats, and the learnt ones in view, are trained on parts of the kept frames and of some older
+//!    ones. They are rounded as the update will hold them. The prior's own splats stay.
+//! 4. *Judge*: splats and changes that spare a frame too little, one that was not learnt from, are left out. More such
+//!    frames are coded with the update and without. It is given out if it pays for its bytes while the camera moves by
+//!    a stated number of key frames.
 //!
 //! An update that is given out is not drawn with at once: the topside must hold it first. Until the encoder adopts or
 //! drops it, the learner collects frames and begins no episode.
@@ -24,6 +25,8 @@
 mod beside;
 mod blur;
 mod cells;
+mod crop;
+mod draft;
 mod harm;
 mod held_out;
 mod judge;
@@ -32,8 +35,11 @@ mod learner;
 mod options;
 mod refine;
 mod sweep;
+mod trial;
+mod worth;
 
 pub(crate) use beside::Beside;
 pub use learner::LearnerStats;
-pub(crate) use learner::{Found, Learner, Proven};
+pub(crate) use learner::{Found, Learner};
 pub use options::LearnOptions;
+pub(crate) use trial::Proven;

@@ -3,7 +3,7 @@
 /// How a vehicle learns. Numbers that make no sense are taken as the nearest that does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnOptions {
-    /// Steps of training per frame. A step takes about as long as two to three forward renders.
+    /// Steps of training per frame. A step looks at a quarter of a picture. It takes about as long as a forward render.
     pub steps_per_frame: u32,
     /// Steps of an episode.
     pub steps: u32,
@@ -15,7 +15,8 @@ pub struct LearnOptions {
     pub parallax: f64,
     /// Most splats of an update, at most 256.
     pub splats: usize,
-    /// Frames within which an update must save the bytes that it takes.
+    /// Within so many key frames, and the frames between them, an update must save the bytes that it takes. Key frames
+    /// are frames between which the camera has moved by [`parallax`](LearnOptions::parallax).
     pub horizon: u32,
     /// Frames that an update is judged by, none of which it was learnt from.
     pub judged: usize,
@@ -40,10 +41,10 @@ impl LearnOptions {
 impl Default for LearnOptions {
     fn default() -> LearnOptions {
         LearnOptions {
-            steps_per_frame: 30,
-            steps: 60,
+            steps_per_frame: 60,
+            steps: 240,
             frames: 8,
-            fewest_frames: 6,
+            fewest_frames: 5,
             parallax: 4.0,
             splats: 100,
             horizon: 15,

@@ -1,6 +1,6 @@
 //! Training the splats of an update, and only these.
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 
 use crate::prior::update::{COLOUR_STEP, LOG_SCALE_STEP, LOGIT_STEP, ROTATION_STEPS};
 use crate::prior::{LearntSplat, UpdateGrid};
@@ -12,7 +12,7 @@ use crate::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 use super::cells::Start;
 
 /// Logit of the opacity of a first splat.
-const FIRST_LOGIT: f32 = 1.6;
+const FIRST_LOGIT: f32 = 3.0;
 /// Splats of a lower opacity than this logit's are left out of the update.
 const FAINT: f32 = -2.8;
 /// Share of the steps that are taken with splats as they are, before they are rounded.
@@ -64,10 +64,14 @@ impl Course {
             let position = (start.position - self.centre).as_vec3().to_array();
             for k in 0..3 {
                 set(POSITION + k, i, position[k as usize]);
-                set(LOG_SCALE + k, i, start.size.ln() as f32);
-                set(ROTATION + 1 + k, i, random.within(-0.1, 0.1));
+                let size = start.sizes[usize::from(k == 2)];
+                set(LOG_SCALE + k, i, size.ln() as f32);
                 set(SH + k, i, (start.colour[k as usize] - 0.5) / SH_0);
             }
+            let turn = DQuat::from_rotation_arc(DVec3::Z, start.ray);
+            let turn = [turn.w, turn.x, turn.y, turn.z];
+            let near = turn.map(|v| v as f32 + random.within(-0.05, 0.05));
+            (0..4).for_each(|k| set(ROTATION + k, i, near[k as usize]));
             set(OPACITY, i, FIRST_LOGIT);
         }
         for (i, splat) in (starts.len()..).zip(learnt) {
@@ -84,8 +88,8 @@ impl Course {
         TrainingState { parameters, first: zero.clone(), second: zero }
     }
 
-    /// What step `step` is told.
-    pub fn at(&self, step: u32) -> Training {
+    /// What step `step` is told. `shown`: the share of the splats that its picture shows.
+    pub fn at(&self, step: u32, shown: f64) -> Training {
         let share = f64::from(step) / f64::from(self.steps);
         let fall = LAST.powf(share) as f32;
         let unbias = |fading: f32| 1.0 / (1.0 - f64::from(fading).powf(f64::from(step) + 1.0));
@@ -106,7 +110,7 @@ impl Course {
             unbias: FADING.map(|fading| unbias(fading) as f32),
             per_value: 1.0 / (3 * self.pixels) as f32,
             knee: KNEE,
-            opacity_pull: OPACITY_PULL,
+            opacity_pull: OPACITY_PULL * shown as f32,
             rounding: if share >= FREE { rounding } else { [0.0; 5] },
             ..Training::default()
         }
@@ -130,8 +134,8 @@ impl Course {
     }
 }
 
-/// Whether a learnt splat looks different enough after training to be changed.
-pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
+/// How different a learnt splat looks after training: from 1 on as different as a new one.
+pub fn change(before: &LearntSplat, after: &LearntSplat) -> f64 {
     let far = |a: [f32; 3], b: [f32; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f32>().sqrt();
     let size = before.log_scale.iter().sum::<f32>() / 3.0;
     let moved = far(before.position, after.position) / size.exp();
@@ -139,8 +143,5 @@ pub fn has_changed(before: &LearntSplat, after: &LearntSplat) -> bool {
     let opacity = |logit: f32| 1.0 / (1.0 + (-logit).exp());
     let fainter = (opacity(before.logit) - opacity(after.logit)).abs();
     let recoloured = SH_0 * far(before.colour, after.colour);
-    moved + grown + 2.0 * fainter + 4.0 * recoloured > CHANGED
+    f64::from(moved + grown + 2.0 * fainter + 4.0 * recoloured)
 }
-
-/// How much that takes.
-const CHANGED: f32 = 1.0;

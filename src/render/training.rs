@@ -89,6 +89,13 @@ impl TrainingFrame {
         TrainingFrame { words: (0..pixels).map(word).collect() }
     }
 
+    /// The part of a frame `width` wide whose first pixel is `corner`, column and row.
+    pub fn part(&self, width: usize, corner: [usize; 2], size: [usize; 2]) -> TrainingFrame {
+        let rows = self.words.chunks(width).skip(corner[1]).take(size[1]);
+        let words = rows.flat_map(|row| &row[corner[0]..corner[0] + size[0]]).copied().collect();
+        TrainingFrame { words }
+    }
+
     /// A pixel's colour; `None` if it does not count.
     pub fn colour(&self, pixel: usize) -> Option<[f32; 3]> {
         let word = self.words[pixel];

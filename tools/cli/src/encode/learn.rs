@@ -17,12 +17,13 @@ pub struct LearnArgs {
     /// the frame after which it is used
     #[arg(long)]
     learn: bool,
-    /// Steps of training per frame; each takes about as long as three forward renders
+    /// Steps of training per frame; each takes about as long as a forward render
     #[arg(long, value_name = "N", default_value_t = LearnOptions::default().steps_per_frame, requires = "learn",
         value_parser = clap::value_parser!(u32).range(1..=1000))]
     learn_steps: u32,
-    /// Frames within which an update must save the bytes that it takes
-    #[arg(long, value_name = "FRAMES", default_value_t = LearnOptions::default().horizon, requires = "learn")]
+    /// An update must save the bytes that it takes while the camera moves by so many key frames: from one to the next,
+    /// points at the picture's median depth move by four pixels
+    #[arg(long, value_name = "N", default_value_t = LearnOptions::default().horizon, requires = "learn")]
     learn_horizon: u32,
 }
 
