@@ -429,9 +429,9 @@ impl Sender {
         }
     }
 
-    /// Takes the next update of the prior, as `Encoder::take_update` gives it. Its pieces are due from `now` on, seconds,
-    /// after those of the updates before. All updates of a dive are kept, and come again for a topside that lacks them.
-    /// After a restart of the vehicle, give the updates here that it still has.
+    /// Takes the next update of the prior, as `Encoder::take_update` gives it. Its pieces are due from `now` on,
+    /// seconds, after those of the updates before. All updates of a dive are kept, and come again for a topside that
+    /// lacks them. After a restart of the vehicle, give the updates here that it still has.
     ///
     /// # Errors
     /// If the time is not finite, or the sender was made without [`SenderOptions::updates`]. If the update cannot be
