@@ -161,7 +161,7 @@ impl Decoder {
         let Salvage { latent, camera, .. } = packet.parts();
         match camera {
             Ok(Some(camera)) => Some(*camera),
-            _ => self.camera_of(latent).copied(),
+            _ => self.camera_of(latent).copied().or_else(|| self.camera_guess(latent)),
         }
     }
 
@@ -364,8 +364,9 @@ impl Decoder {
     }
 
     /// The camera of a packet whose state is not held: the one of the tag in the full form, else the one that drew
-    /// last, else the newest one.
+    /// last, else the newest one. `None` also if the packet needs no update.
     fn camera_guess(&self, latent: &Latent) -> Option<Camera> {
+        latent.update?;
         let stated = |camera: &&Camera| match latent.session {
             Session::Stated { prior, .. } => latent.session.check(prior, camera).is_ok(),
             Session::Tagged(_) => false,

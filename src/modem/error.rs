@@ -86,7 +86,8 @@ pub enum ModemError {
     )]
     UpdatesFull { len: usize, held: usize, room: usize },
     #[error(
-        "update {number} on state {before}: after update {last} one on its state {state} is due"
+        "update {number} stands on state {before}, which no update before leads to; the last one, \
+         {last}, leads to {state}"
     )]
     UpdateOrder { number: u16, before: StateId, last: u16, state: StateId },
     #[error("an update that cannot be read: {0}")]

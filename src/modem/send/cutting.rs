@@ -3,6 +3,7 @@
 use crate::modem::error::ModemError;
 use crate::modem::limits::{MAX_PIECES, MAX_SOURCES};
 use crate::modem::wire::piece::{Cut, largest_chunk};
+use crate::modem::wire::share::number_len;
 
 use super::loss::Loss;
 
@@ -33,9 +34,10 @@ pub fn cut(
     let room = largest_chunk(mtu);
     let fits = |sources: usize| Some(Cut::new(len, sources)).filter(|cut| cut.chunk <= room);
     let fewest = (1..=MAX_SOURCES).find(|sources| fits(*sources).is_some());
-    // A length takes up to three bytes.
-    let too_long =
-        || ModemError::UpdateTooLong { len, largest: (MAX_SOURCES * room).saturating_sub(3), mtu };
+    let too_long = || {
+        let all = MAX_SOURCES * room;
+        ModemError::UpdateTooLong { len, largest: all - number_len(all).min(all), mtu }
+    };
     let fewest = fewest.ok_or_else(too_long)?;
     let cost = |cut: &Cut| {
         pieces_for(cut.sources, loss, aim).saturating_mul(cut.piece_len().saturating_add(overhead))
@@ -73,7 +75,7 @@ mod tests {
             assert!(cut.piece_len() <= mtu && cut.len() >= 1502, "{mtu} {cut:?}");
         }
         let refused = cut(1567, 16, 0, loss, AIM);
-        assert_eq!(refused, Err(ModemError::UpdateTooLong { len: 1567, largest: 1565, mtu: 16 }));
-        assert!(cut(1566, 16, 0, loss, AIM).is_ok(), "a length of two bytes");
+        assert_eq!(refused, Err(ModemError::UpdateTooLong { len: 1567, largest: 1566, mtu: 16 }));
+        assert!(cut(1566, 16, 0, loss, AIM).is_ok());
     }
 }

@@ -176,18 +176,22 @@ impl RateControl {
 
     /// Keeps a part of the bit rate for what travels beside pictures, from `now` on: 0 up to but not 1.
     pub(in crate::modem) fn reserve(&mut self, now: f64, part: f64) {
-        if part != self.reserved {
-            self.earn(now);
-            let before = self.rate();
-            self.reserved = part;
-            self.change_rate(now, before);
+        if part == self.reserved {
+            return;
         }
+        self.earn(now);
+        let (rate, turn) = (self.rate(), self.turn());
+        self.reserved = part;
+        self.change_rate(now, rate);
+        // As many turns as before, so that no frame is left out. What time has not brought is paid back.
+        let credit = self.credit * self.turn() / turn;
+        self.debt += (credit - self.credit).max(0.0);
+        self.credit = credit;
     }
 
-    /// What waits takes another time, as the rate was `before`, and nothing is left over of it.
+    /// What waits takes another time, as the rate was `before`.
     fn change_rate(&mut self, now: f64, before: f64) {
         self.free = now + (self.free - now).max(0.0) * before / self.rate();
-        self.credit = self.credit.min(self.turn());
     }
 
     /// Bytes for the frame exposed at `now`, seconds; `None`: it is not sent. Times must not fall.
@@ -314,6 +318,7 @@ impl RateControl {
         let before = self.rate();
         self.options.bit_rate = bit_rate;
         self.change_rate(now, before);
+        self.credit = self.credit.min(self.turn());
         Ok(())
     }
 
@@ -413,6 +418,27 @@ mod tests {
         assert!(sent.iter().skip(5).all(|(_, bytes, _)| *bytes <= 102), "{sent:?}");
         assert!(sent.iter().all(|(now, _, end)| end - now <= 2.5 + 1e-9));
         assert!(sent.len() >= 45, "the frame rate stays: {}", sent.len());
+    }
+
+    #[test]
+    fn a_part_that_is_reserved_comes_back_and_costs_no_frame() {
+        let mut control = RateControl::new(options()).unwrap();
+        run(&mut control, 0.0, 150, 1.0);
+        let mut now = 10.0;
+        for _ in 0..10 {
+            control.reserve(now, 0.25);
+            let less = run(&mut control, now, 75, 1.0);
+            assert!(less.len() >= 24 && less.iter().all(|(_, bytes, _)| *bytes <= 152), "{less:?}");
+            now += 5.0;
+            control.reserve(now, 0.0);
+            let all = run(&mut control, now, 75, 1.0);
+            assert!(all.len() >= 24, "{}", all.len());
+            // What was spent before time had brought it is paid back.
+            let bytes: usize = less.iter().chain(&all).map(|(_, bytes, _)| bytes).sum();
+            assert!((8_500..=8_800).contains(&bytes), "{bytes}");
+            assert!(less.iter().chain(&all).all(|(now, _, end)| end - now <= 1.0 + 1e-9));
+            now += 5.0;
+        }
     }
 
     #[test]

@@ -429,14 +429,15 @@ impl Sender {
         }
     }
 
-    /// Takes the next update of the prior, as `Encoder::take_update` gives it. Its pieces are due from `now` on, seconds,
-    /// after those of the updates before. All updates of a dive are kept, and come again for a topside that lacks them.
-    /// After a restart of the vehicle, give the updates here that it still has.
+    /// Takes the next update of the prior, as `Encoder::take_update` gives it. Its pieces are due from `now` on,
+    /// seconds, after those of the updates before. All updates of a dive are kept, and come again for a topside that
+    /// lacks them. After a restart of the vehicle, give the updates here that it still has. One that stands on an
+    /// earlier state takes the place of those after that state: the encoder has dropped them.
     ///
     /// # Errors
     /// If the time is not finite, or the sender was made without [`SenderOptions::updates`]. If the update cannot be
-    /// read, is not the next one of the chain, or is too long for the MTU. If there is no room for it:
-    /// [`ModemError::UpdatesFull`]. Nothing changes then: drop the update at the encoder, which stays as it is.
+    /// read, does not stand on a state of the chain, or is too long for the MTU. If there is no room for it:
+    /// [`ModemError::UpdatesFull`]. Nothing changes then; drop the update at the encoder.
     pub fn push_update(&mut self, now: f64, update: &[u8]) -> Result<(), ModemError> {
         check_time(now)?;
         let link = self.link();

@@ -59,6 +59,8 @@ pub struct Updates {
 struct SentUpdate {
     name: UpdateName,
     number: u16,
+    /// The state that it stands on, and the one after it.
+    before: StateId,
     state: StateId,
     cut: Cut,
     /// Where its sources begin.
@@ -110,28 +112,26 @@ impl Updates {
         if self.expect_reports { AIM_WITH_REPORTS } else { AIM }
     }
 
-    /// Takes the next update of the chain. Its pieces go from `now` on, seconds.
+    /// Takes an update that stands on a state of the chain; those after that state go. Its pieces go from `now` on,
+    /// seconds.
     pub fn push(&mut self, now: f64, bytes: &[u8], link: &Link) -> Result<(), ModemError> {
         let update = Update::read(bytes).map_err(|error| ModemError::Update(error.to_string()))?;
         let (number, before, state) = (update.number, update.before, update.state());
-        if let Some(last) = self.sent.last()
-            && (last.number.checked_add(1), last.state) != (Some(number), before)
-        {
-            let (last, state) = (last.number, last.state);
-            return Err(ModemError::UpdateOrder { number, before, last, state });
-        }
+        let stays = self.standing_on(number, before)?;
         let name = UpdateName::of(bytes).unwrap_or_default();
         let cut = cut(bytes.len(), link.mtu, link.overhead, self.loss(link), self.aim())?;
-        let from = self.sources.len();
-        let is_full = self.sent.len() == MAX_UPDATES || cut.len() > self.options.memory - from;
+        let from = self.sent.get(stays).map_or(self.sources.len(), |gone| gone.from);
+        let is_full = stays == MAX_UPDATES || cut.len() > self.options.memory - from;
         if is_full {
             let (len, held, room) = (cut.len(), from, self.options.memory);
             return Err(ModemError::UpdatesFull { len, held, room });
         }
+        self.keep(stays, from);
         put_sources(bytes, cut, &mut self.sources);
         self.sent.push(SentUpdate {
             name,
             number,
+            before,
             state,
             cut,
             from,
@@ -143,6 +143,31 @@ impl Updates {
         });
         self.begin_next(now, link);
         Ok(())
+    }
+
+    /// How many updates come before one of this number on this state.
+    fn standing_on(&self, number: u16, before: StateId) -> Result<usize, ModemError> {
+        let Some(last) = self.sent.last() else { return Ok(0) };
+        let follows =
+            |sent: &SentUpdate| sent.number.checked_add(1) == Some(number) && sent.state == before;
+        let is_first = (self.sent[0].number, self.sent[0].before) == (number, before);
+        let place = self.sent.iter().rposition(follows).map(|index| index + 1);
+        place.or(is_first.then_some(0)).ok_or(ModemError::UpdateOrder {
+            number,
+            before,
+            last: last.number,
+            state: last.state,
+        })
+    }
+
+    /// Keeps the first updates, whose sources end at `end`.
+    fn keep(&mut self, count: usize, end: usize) {
+        self.sent.truncate(count);
+        self.sources.truncate(end);
+        self.held = self.held.min(count);
+        if self.repeated.0 >= count {
+            self.repeated = (0, 0);
+        }
     }
 
     /// Lets the pieces of the next update go that the topside lacks, if none are on their way.

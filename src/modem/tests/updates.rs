@@ -272,11 +272,16 @@ impl Dive {
         }
         while let Some(update) = self.collector.update(1) {
             let update = Update::read(update).unwrap();
-            let before = self.states.last().map_or(PRIOR.into(), |(_, state)| *state);
-            let added = before == update.before;
-            if added {
+            // As a decoder does: those after the state that it stands on go.
+            let all = [(0, PRIOR.into())].into_iter().chain(self.states.iter().copied());
+            let held: Vec<_> = all.map(|(_, state)| state).collect();
+            let added = held.contains(&update.state());
+            let base = held.iter().position(|state| *state == update.before);
+            if let (false, Some(base)) = (added, base) {
+                self.states.truncate(base);
                 self.states.push((update.number, update.state()));
             }
+            let added = added || base.is_some();
             self.collector.settle_update(1, added);
         }
         self.tick += 1;
@@ -411,6 +416,28 @@ fn after_restarts_both_sides_come_back_to_one_version() {
     dive.run(3);
     assert_eq!(dive.sender.held_update(), Some(3));
     assert!(dive.sender.statistics().pieces < 50, "{:?}", dive.sender.statistics());
+}
+
+/// The vehicle drops an update that the topside may hold, and proves another one in its place.
+#[test]
+fn an_update_takes_the_place_of_one_that_was_dropped() {
+    for expect_reports in [false, true] {
+        let mut dive = Dive::new(0.1, expect_reports);
+        let (dropped, other) = (chain(14, &[60, 60, 40]), chain(14, &[60, 60, 50]));
+        dropped.iter().for_each(|update| dive.push(update));
+        dive.run(4);
+        dive.push(&other[2]);
+        assert_ne!(dive.sender.held_update(), Some(3));
+        dive.run(30);
+        let update = Update::read(&other[2]).unwrap();
+        assert_eq!(dive.sender.held_update(), Some(3));
+        assert_eq!(dive.states.last(), Some(&(3, update.state())));
+        // The first one of all may be another one, too.
+        dive.push(&chain(15, &[30])[0]);
+        assert_eq!(dive.sender.held_update(), None);
+        dive.run(20);
+        assert_eq!((dive.sender.held_update(), dive.states.len()), (Some(1), 1));
+    }
 }
 
 #[test]

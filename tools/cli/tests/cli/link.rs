@@ -211,3 +211,38 @@ fn a_device_without_hardware_is_listed_and_never_used() {
     let run = dive.run_with("verify-device --scenes 1", &null).ends_with(0);
     assert!(!run.stderr.contains("Null hardware"), "{}", run.stderr);
 }
+
+/// Frames of run T2: enough for an update to be learnt, sent and adopted.
+const LEARNT_FRAMES: usize = 18;
+
+#[test]
+fn what_is_learnt_goes_over_the_link() {
+    let dive = Dive::without_frames();
+    std::fs::write(dive.path("prior.nvsg"), nvsprior_basin::PRIOR).unwrap();
+    dive.run(&format!("demo --run T2 --draw-only --frames {LEARNT_FRAMES} --out .")).ends_with(0);
+    let link =
+        "link --prior prior.nvsg --cameras T2/cameras.json --fps 3 --bit-rate 20000 --region";
+    let run = format!("{link} --learn --loss 0.1 --return-delay 0.2 --report");
+    let said = dive.run(&format!("{run} with")).ends_with(0).stdout;
+    assert!(said.contains("1 adopted, "), "{said}");
+    let with = dive.json("with/link.json");
+    let first = &with["updates"][0];
+    let time = |name: &str| first[name].as_f64().unwrap();
+    assert!(time("adopted") > time("proven") + 0.5, "{first}");
+    // Its pieces have headers and parity.
+    assert!(with["bytes"]["updates"].as_f64().unwrap() > time("bytes"));
+    assert_eq!(with["shown"]["outdated"], 0, "the topside holds what frames are drawn with");
+    // Packets name the update from its adoption on.
+    let rows = String::from_utf8(dive.bytes("with/frames.csv")).unwrap();
+    let drawn_with = |row: &str| row.split(',').nth(7).unwrap().to_owned();
+    for (frame, row) in rows.lines().skip(1).enumerate() {
+        let adopted = frame as f64 / 3.0 >= time("adopted") - 1e-6;
+        assert!(["", if adopted { "1" } else { "0" }].contains(&&*drawn_with(row)), "{row}");
+    }
+    assert!(rows.lines().any(|row| drawn_with(row) == "1"), "{rows}");
+    // The region is known, and small.
+    assert!((0.01..0.3).contains(&with["region_part"].as_f64().unwrap()));
+    assert!(with["region_psnr"].as_f64() < with["outside_psnr"].as_f64());
+    dive.run(&format!("{LINK} --update-share 0.5 --report out")).ends_with(2);
+    dive.run(&format!("{run} out --update-share 1")).ends_with(2).says("updates, share = 1");
+}
