@@ -214,13 +214,16 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 #define NVSP_PRIOR_ANTIALIASED 4
 // `background` is given.
 #define NVSP_PRIOR_BACKGROUND 8
+// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders and
+// decoders that share such a prior work in turn, not at once. It is no part of the identity.
+#define NVSP_PRIOR_UPDATES 16
 
 // Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 // must give the same.
 typedef struct nvsp_prior_options {
   uint32_t struct_size;
   uint32_t abi_version;
-  // NVSP_PRIOR_* bits: which of the fields below count.
+  // NVSP_PRIOR_* bits: which of the fields below count, and NVSP_PRIOR_UPDATES.
   uint32_t given;
   // Splats whose camera z is not above this are culled, in the prior's unit; above 0.
   float near_plane;
@@ -401,8 +404,11 @@ typedef struct nvsp_encoder_options {
   // With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
   // after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
   uint32_t key_every;
-  // Zero.
-  uint32_t reserved;
+  // Steps of training per frame by which the encoder learns what frames show and the prior does not: see
+  // nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per second.
+  // Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library without the
+  // feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
+  uint32_t learn;
 } nvsp_encoder_options;
 
 // Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
@@ -692,6 +698,9 @@ typedef struct nvsp_picture {
 // The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
 // tell the vehicle: nvsp_encoder_acknowledge.
 #define NVSP_DECODED_KEPT 32
+// The frame is drawn with an update of the prior that has not come. The picture is the render without it, and does not
+// show what the vehicle saw.
+#define NVSP_DECODED_UPDATE_MISSING 64
 
 // What decoding a packet yielded besides the picture.
 typedef struct nvsp_decoded {
@@ -710,14 +719,15 @@ typedef struct nvsp_decoded {
   uint32_t rows;
   // NVSP_OK, or what was wrong with a part of the packet that the picture does without:
   // NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_UNSUPPORTED (this library was built without its coder),
-  // NVSP_ERR_REFERENCE (its reference frame is missing) or NVSP_ERR_PACKET (the camera).
+  // NVSP_ERR_REFERENCE (its reference frame is missing), NVSP_ERR_UPDATE (an update is missing) or NVSP_ERR_PACKET
+  // (the camera).
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
   // With NVSP_DECODED_INTER: number of the reference frame, modulo 2^24; else 0.
   uint32_t reference;
-  // Zero.
-  uint32_t reserved;
+  // With NVSP_DECODED_UPDATE_MISSING: number of the update, modulo 256; else 0.
+  uint32_t missing_update;
 } nvsp_decoded;
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
@@ -858,6 +868,10 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 // nvsp_decoded.damage has it.
 #define NVSP_ERR_REFERENCE -29
+
+// An update of the prior is damaged, or does not stand on those before. In nvsp_decoded.damage: the update that the
+// frame is drawn with has not come.
+#define NVSP_ERR_UPDATE -30
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 //
@@ -1590,6 +1604,9 @@ typedef struct nvsp_sender nvsp_sender;
 // missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
 #define NVSP_SENDER_UNPROTECTED 2
 
+// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update. Needs a bit rate.
+#define NVSP_SENDER_UPDATES 4
+
 // MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
 #define NVSP_MTU_31 31
 
@@ -1635,6 +1652,13 @@ typedef struct nvsp_sender_options {
   uint32_t stream;
   // NVSP_SENDER_* flags.
   uint32_t flags;
+  // With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get the
+  // rest. 0: a third.
+  double update_share;
+  // With NVSP_SENDER_UPDATES: bytes of the updates that are kept, all of the dive. 0: 65536.
+  uint32_t update_memory;
+  // Zero.
+  uint32_t reserved;
 } nvsp_sender_options;
 
 // How a packet was divided.
@@ -1869,6 +1893,11 @@ typedef struct nvsp_collector_options {
   uint32_t streams;
   // NVSP_COLLECTOR_* flags.
   uint32_t flags;
+  // Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are taken,
+  // and reports tell nothing of them.
+  uint32_t update_bytes;
+  // Zero.
+  uint32_t reserved;
 } nvsp_collector_options;
 
 // The packet is complete.
@@ -1890,12 +1919,15 @@ typedef struct nvsp_collector_options {
 // The share's packet was complete before.
 #define NVSP_EVENT_SURPLUS 6
 
+// An update of the prior is whole: nvsp_collector_fetch_update.
+#define NVSP_EVENT_UPDATE 7
+
 // What has come of a packet.
 typedef struct nvsp_collected {
   uint32_t struct_size;
   uint32_t abi_version;
   // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
-  // unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
+  // unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN, and but for `stream` with NVSP_EVENT_UPDATE.
   uint32_t event;
   // Stream of the packet.
   uint32_t stream;

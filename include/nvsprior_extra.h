@@ -1,5 +1,5 @@
 /* nvsprior: what few programs need. A Vulkan device of yours, frames in DMA-BUFs, memory of yours, a list of devices,
- * counts of a link. The contract of nvsprior.h holds here, too.
+ * counts of a link, updates of the prior. The contract of nvsprior.h holds here, too.
  */
 
 #ifndef NVSPRIOR_EXTRA_H
@@ -286,6 +286,160 @@ typedef struct nvsp_collector_statistics {
 NVSP_CHECKED
 nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
                                           struct nvsp_collector_statistics *statistics) NVSP_NONNULL(1, 2);
+
+// ---- Updates of the prior ----
+
+// Bytes that always suffice for an update that this library's encoders make.
+#define NVSP_UPDATE_BYTES 65536
+
+// What an encoder has learnt.
+typedef struct nvsp_learning {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Number of the newest update that frames are drawn with; 0: none.
+  uint32_t newest;
+  // Splats that were learnt and are still there.
+  uint32_t splats;
+  // Updates that were given out since the encoder began to learn.
+  uint32_t updates;
+  // Updates that did not pay for their bytes, and were dropped.
+  uint32_t refused;
+  // Bytes of the updates given out.
+  uint64_t update_bytes;
+} nvsp_learning;
+
+// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not. Ask
+// after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes nothing
+// then. Give it to nvsp_sender_push_update, and keep it for the next dive: one update after the other in a file is a
+// dive.nvsu. Frames are drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update,
+// no other one comes.
+//
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept. If
+// learning has failed, the call fails once, as nvsp_encode does; the encoder goes on without learning.
+//
+// Parameters:
+// - `update`: receives the update. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `update`; NVSP_UPDATE_BYTES always suffices.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_take_update(struct nvsp_encoder *encoder,
+                                     uint8_t *update,
+                                     size_t size,
+                                     size_t *written) NVSP_NONNULL(1, 2, 4);
+
+// Draws frames from the next one on with the update that nvsp_encoder_take_update gave last, if it has this number:
+// call it with what nvsp_sender_held_update tells. Returns NVSP_PENDING if another one waits, or none.
+//
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
+//
+// Parameters:
+// - `number`: the update's number.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_adopt_update(struct nvsp_encoder *encoder,
+                                      uint32_t number) NVSP_NONNULL(1);
+
+// Drops the update that waits to be adopted: it could not be sent. Learning goes on without it.
+//
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
+NVSP_CHECKED
+nvsp_status nvsp_encoder_drop_update(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
+
+// Draws frames from the next one on with an update of an earlier dive, or of this dive before a restart. Give all of
+// them, in their order. An update that waits to be adopted is dropped.
+//
+// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, NVSP_ERR_UNFINISHED (a frame is
+// under way), or NVSP_ERR_STATE if the prior was opened without NVSP_PRIOR_UPDATES. Nothing changes then.
+//
+// Parameters:
+// - `update`: the update. Read during the call. Not NULL.
+// - `size`: bytes of `update`.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_add_update(struct nvsp_encoder *encoder,
+                                    const uint8_t *update,
+                                    size_t size) NVSP_NONNULL(1, 2);
+
+// Tells what an encoder has learnt. Allocates nothing.
+//
+// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
+//
+// Parameters:
+// - `learning`: receives it, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_encoder_get_learning(struct nvsp_encoder *encoder, struct nvsp_learning *learning) NVSP_NONNULL(1, 2);
+
+// Takes an update that the vehicle sent, or one of an earlier dive. Packets that are drawn with it can be decoded from
+// here on; those of some updates before still can. Give updates in their order. One with number 1 begins anew: the
+// vehicle has lost what it had learnt.
+//
+// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior was
+// opened without NVSP_PRIOR_UPDATES. Nothing changes then.
+//
+// Parameters:
+// - `update`: the update. Read during the call. Not NULL.
+// - `size`: bytes of `update`.
+// - `number`: receives the update's number. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_decoder_add_update(struct nvsp_decoder *decoder,
+                                    const uint8_t *update,
+                                    size_t size,
+                                    uint32_t *number) NVSP_NONNULL(1, 2, 4);
+
+// Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and come
+// again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
+//
+// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_STATE (the sender was made without NVSP_SENDER_UPDATES),
+// NVSP_ERR_UPDATE (it is damaged, does not stand on those before, or is too long for the MTU) or NVSP_ERR_UNFINISHED
+// (there is no more room). Nothing changes then: call nvsp_encoder_drop_update.
+//
+// Parameters:
+// - `now`: seconds.
+// - `update`: the update. Read during the call. Not NULL.
+// - `size`: bytes of `update`.
+NVSP_CHECKED
+nvsp_status nvsp_sender_push_update(struct nvsp_sender *sender,
+                                    double now,
+                                    const uint8_t *update,
+                                    size_t size) NVSP_NONNULL(1, 3);
+
+// Tells the newest update that frames may be drawn with: the topside has it. Without reports it has it with a chance of
+// 99 %, at the loss that is assumed. Returns NVSP_PENDING if there is none, and writes nothing then. Allocates nothing.
+//
+// Parameters:
+// - `number`: receives its number, for nvsp_encoder_adopt_update. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_sender_held_update(struct nvsp_sender *sender,
+                                    uint32_t *number) NVSP_NONNULL(1, 2);
+
+// Copies the update that is due first. Ask after NVSP_EVENT_UPDATE: give it to nvsp_decoder_add_update, tell what came of
+// it with nvsp_collector_settle_update, and ask again. Returns NVSP_PENDING if there is none, and writes nothing then.
+// Allocates nothing.
+//
+// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_BUFFER_TOO_SMALL. The update stays then.
+//
+// Parameters:
+// - `stream`: 0 to 3.
+// - `update`: receives the update. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `update`; nvsp_collector_options.update_bytes always suffices.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_collector_fetch_update(struct nvsp_collector *collector,
+                                        uint32_t stream,
+                                        uint8_t *update,
+                                        size_t size,
+                                        size_t *written) NVSP_NONNULL(1, 3, 5);
+
+// Tells whether the update that nvsp_collector_fetch_update gave was added. If not, it needs others before it: it is
+// given again after another one was added, unless its place is needed. Allocates nothing.
+//
+// Fails with NVSP_ERR_ARGUMENT.
+//
+// Parameters:
+// - `stream`: 0 to 3.
+// - `added`: not 0: nvsp_decoder_add_update returned NVSP_OK.
+NVSP_CHECKED
+nvsp_status nvsp_collector_settle_update(struct nvsp_collector *collector,
+                                         uint32_t stream,
+                                         uint32_t added) NVSP_NONNULL(1);
 
 #ifdef __cplusplus
 } /* extern "C" */

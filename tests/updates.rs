@@ -7,49 +7,12 @@ use std::sync::Arc;
 
 use common::{Random, assert_silent, engine};
 use nvsprior::packet::Latent;
-use nvsprior::prior::{Learnt, NewSplat, Update, UpdateError, UpdateGrid};
+use nvsprior::prior::{Learnt, Update, UpdateError};
 use nvsprior::render::Scene;
 use nvsprior::{
     Decoded, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Prior, Rate, Trust,
 };
-use scene::{CAMERA, clean_frame, on_device, pose, wall};
-
-/// Some coloured balls in front of the wall, other ones for each number.
-fn update(learnt: &Learnt) -> Update {
-    let number = learnt.number() + 1;
-    let place = i32::from(number) * 7;
-    let ball = |k: i32| NewSplat {
-        position: [place - 30 + 3 * k, 5 * k - 10, k],
-        log_scale: [-6; 3],
-        rotation: [0; 3],
-        opacity: 6,
-        colour: [10 - 3 * k as i8, (number % 9) as i8, 12],
-    };
-    Update {
-        prior: learnt.prior(),
-        number,
-        before: learnt.state(),
-        grid: UpdateGrid { origin: [0.0, 0.0, 3.0], exponent: -4 },
-        splats: (0..5).map(ball).collect(),
-        removed: if number > 1 { vec![0] } else { vec![] },
-        changed: vec![],
-        fades: vec![],
-        frames: [0, 1],
-    }
-}
-
-/// A chain of updates: their bytes, and the state after each.
-fn chain(prior: &Prior, count: usize) -> Vec<(Vec<u8>, Learnt)> {
-    let mut learnt = Learnt::none(prior.id());
-    let next = |_| {
-        let update = update(&learnt);
-        let mut bytes = Vec::new();
-        update.write(&mut bytes).unwrap();
-        learnt.add(&update).unwrap();
-        (bytes, learnt.clone())
-    };
-    (0..count).map(next).collect()
-}
+use scene::{CAMERA, chain, clean_frame, on_device, pose, update, wall};
 
 fn for_updates(engine: &Engine, prior: &Prior) -> Arc<Scene> {
     engine.upload_for_updates(prior).unwrap()

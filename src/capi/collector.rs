@@ -46,8 +46,13 @@ pub struct nvsp_collector_options {
     pub streams: u32,
     /// NVSP_COLLECTOR_* flags.
     pub flags: u32,
+    /// Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are taken,
+    /// and reports tell nothing of them.
+    pub update_bytes: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_collector_options, 32);
+versioned!(nvsp_collector_options, 32, 40);
 
 /// The packet is complete.
 pub const NVSP_EVENT_COMPLETE: u32 = 1;
@@ -62,6 +67,8 @@ pub const NVSP_EVENT_DUPLICATE: u32 = 4;
 pub const NVSP_EVENT_DAMAGED: u32 = 5;
 /// The share's packet was complete before.
 pub const NVSP_EVENT_SURPLUS: u32 = 6;
+/// An update of the prior is whole: nvsp_collector_fetch_update.
+pub const NVSP_EVENT_UPDATE: u32 = 7;
 
 /// What has come of a packet.
 #[repr(C)]
@@ -70,7 +77,7 @@ pub struct nvsp_collected {
     pub struct_size: u32,
     pub abi_version: u32,
     /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
-    /// unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN.
+    /// unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN, and but for `stream` with NVSP_EVENT_UPDATE.
     pub event: u32,
     /// Stream of the packet.
     pub stream: u32,
@@ -97,6 +104,9 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
     if given.flags & !NVSP_COLLECTOR_MODEM_CHECKS != 0 {
         return Err(Failure::argument("nvsp_collector_options.flags: unknown"));
     }
+    if given.reserved != 0 {
+        return Err(Failure::argument("nvsp_collector_options.reserved: not 0"));
+    }
     let defaults = CollectorOptions::new(mtu as usize);
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
     Ok(CollectorOptions {
@@ -106,7 +116,7 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
         streams: or(given.streams, defaults.streams),
         age: if given.age == 0.0 { defaults.age } else { given.age },
         modem_checks: given.flags & NVSP_COLLECTOR_MODEM_CHECKS != 0,
-        update_bytes: defaults.update_bytes,
+        update_bytes: given.update_bytes as usize,
     })
 }
 
@@ -190,7 +200,10 @@ pub unsafe extern "C" fn nvsp_collector_push(
                 event: NVSP_EVENT_GROWN,
                 ..state_of(stream, content.packet(stream, frame))
             },
-            Collected::Kept | Collected::Update(_) => of(NVSP_EVENT_KEPT),
+            Collected::Kept => of(NVSP_EVENT_KEPT),
+            Collected::Update(stream) => {
+                nvsp_collected { stream: stream.into(), ..of(NVSP_EVENT_UPDATE) }
+            }
             Collected::Duplicate => of(NVSP_EVENT_DUPLICATE),
             Collected::Surplus => of(NVSP_EVENT_SURPLUS),
             Collected::Damaged(..) => of(NVSP_EVENT_DAMAGED),

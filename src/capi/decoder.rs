@@ -77,6 +77,16 @@ impl Decoding {
         locked(&self.core)
     }
 
+    /// Changes what the next packets are decoded by.
+    pub(super) fn change<T>(
+        &self,
+        change: impl FnOnce(&mut Decoder, &Limits) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let mut core = self.core()?;
+        let Core { decoder, limits, .. } = &mut *core;
+        change(decoder, limits)
+    }
+
     fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
         Ok(done_or_pending(self.queue.wait(timeout)?))
     }
@@ -107,6 +117,9 @@ pub const NVSP_DECODED_INTER: u32 = 16;
 /// The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
 /// tell the vehicle: nvsp_encoder_acknowledge.
 pub const NVSP_DECODED_KEPT: u32 = 32;
+/// The frame is drawn with an update of the prior that has not come. The picture is the render without it, and does not
+/// show what the vehicle saw.
+pub const NVSP_DECODED_UPDATE_MISSING: u32 = 64;
 
 /// What decoding a packet yielded besides the picture.
 #[repr(C)]
@@ -127,14 +140,15 @@ pub struct nvsp_decoded {
     pub rows: u32,
     /// NVSP_OK, or what was wrong with a part of the packet that the picture does without:
     /// NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_UNSUPPORTED (this library was built without its coder),
-    /// NVSP_ERR_REFERENCE (its reference frame is missing) or NVSP_ERR_PACKET (the camera).
+    /// NVSP_ERR_REFERENCE (its reference frame is missing), NVSP_ERR_UPDATE (an update is missing) or NVSP_ERR_PACKET
+    /// (the camera).
     pub damage: nvsp_status,
     /// The pose.
     pub pose: nvsp_pose,
     /// With NVSP_DECODED_INTER: number of the reference frame, modulo 2^24; else 0.
     pub reference: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// With NVSP_DECODED_UPDATE_MISSING: number of the update, modulo 256; else 0.
+    pub missing_update: u32,
 }
 versioned!(nvsp_decoded, 104);
 
@@ -516,11 +530,13 @@ fn fetch(
             | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
             | if decoded.reference.is_some() { NVSP_DECODED_INTER } else { 0 }
             | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
+            | if decoded.missing_update.is_some() { NVSP_DECODED_UPDATE_MISSING } else { 0 }
             | render,
         rows: decoded.rows,
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
         reference: decoded.reference.unwrap_or(0),
+        missing_update: decoded.missing_update.unwrap_or(0).into(),
         ..zeroed()
     });
     Ok(())

@@ -18,6 +18,7 @@ use super::prior::nvsp_prior;
 use super::slices::Room;
 use super::status::*;
 use super::structs::{Checked, In, Out, Place, number, versioned, zeroed};
+use super::updates;
 
 /// Quality 10.
 pub const NVSP_RATE_DEFAULT: u32 = 0;
@@ -128,8 +129,11 @@ pub struct nvsp_encoder_options {
     /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
     /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
     pub key_every: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Steps of training per frame by which the encoder learns what frames show and the prior does not: see
+    /// nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per second.
+    /// Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library without the
+    /// feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
+    pub learn: u32,
 }
 versioned!(nvsp_encoder_options, 80);
 
@@ -244,13 +248,16 @@ pub extern "C" fn nvsp_encoder_create(
         let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
         let camera = image::camera(camera)?;
         let options = options.read()?;
-        let pipelined = options.pipelined != 0;
+        let (pipelined, learn) = (options.pipelined != 0, options.learn);
         let options = encoder_options(&options)?;
         let stream = options.mode != Mode::Intra;
-        let limits = Limits { stream, ..engine.how.limits };
+        let limits = Limits { stream, learns: learn > 0, ..engine.how.limits };
         let _memory =
             if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
-        let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+        let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+        if learn > 0 {
+            updates::learn(&mut made, learn)?;
+        }
         let converter = Converter::new(camera.width, camera.height)?;
         let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
         encoder.write(Handle::boxed(encoding, handle.log()));
@@ -297,9 +304,6 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
     };
     made.mode = mode(options)?;
-    if options.reserved != 0 {
-        return Err(Failure::argument("nvsp_encoder_options.reserved: not 0"));
-    }
     match options.levels {
         0 => {}
         levels @ 1..=6 => made.factors = (0..levels).map(|level| 1 << level).collect(),

@@ -16,6 +16,8 @@ pub(super) struct Limits {
     pub host_bytes: u64,
     /// What is made is for a stream.
     pub stream: bool,
+    /// What is made learns.
+    pub learns: bool,
 }
 
 impl Limits {
@@ -74,7 +76,15 @@ impl Limits {
     }
 
     fn encoder_bytes(&self, width: u32, height: u32) -> u64 {
-        encoder(width, height) + if self.stream { stream_encoder(width, height) } else { 0 }
+        encoder(width, height)
+            + if self.stream { stream_encoder(width, height) } else { 0 }
+            + if self.learns { learner(width, height) } else { 0 }
+    }
+
+    /// Sets memory aside for what a learner does beside a frame; none if nothing learns.
+    pub(super) fn learner(&self, camera: &Camera) -> Result<Option<Grant>, Failure> {
+        let bytes = learner(camera.width, camera.height);
+        self.learns.then(|| Grant::take("a learner", bytes, self.host_bytes)).transpose()
     }
 
     /// Sets memory aside for reading a file of `size` bytes. Reading itself grows its memory by steps.
@@ -136,6 +146,12 @@ pub(super) fn decoder(width: u32, height: u32) -> u64 {
 /// What an encoder of a stream takes besides: 32 frames of 3 bytes per pixel, 27 planes of 4, depths.
 pub(super) fn stream_encoder(width: u32, height: u32) -> u64 {
     SMALL + 224 * pixels(width, height)
+}
+
+/// What an encoder that learns takes besides: 16 key frames and those of a draft, of 16 bytes per pixel and 4, what the
+/// scene shows in 8 of them, 7, and pictures to compare.
+pub(super) fn learner(width: u32, height: u32) -> u64 {
+    8 * SMALL + 640 * pixels(width, height)
 }
 
 /// What a decoder takes besides, from the first packet of a stream on: the frames, 15 planes, a picture, depths.

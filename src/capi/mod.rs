@@ -29,5 +29,6 @@ mod statistics;
 mod status;
 mod structs;
 mod thread;
+mod updates;
 mod version;
 mod vulkan;

@@ -48,6 +48,9 @@ pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
 pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
 /// `background` is given.
 pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
+/// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders and
+/// decoders that share such a prior work in turn, not at once. It is no part of the identity.
+pub const NVSP_PRIOR_UPDATES: u32 = 16;
 
 impl PriorContent {
     /// The prior on the engine's device.
@@ -65,7 +68,7 @@ impl PriorContent {
 pub struct nvsp_prior_options {
     pub struct_size: u32,
     pub abi_version: u32,
-    /// NVSP_PRIOR_* bits: which of the fields below count.
+    /// NVSP_PRIOR_* bits: which of the fields below count, and NVSP_PRIOR_UPDATES.
     pub given: u32,
     /// Splats whose camera z is not above this are culled, in the prior's unit; above 0.
     pub near_plane: f32,
@@ -255,10 +258,15 @@ fn open<'a>(
 ) -> nvsp_status {
     nvsp_engine::share(engine, |handle, content| {
         let prior = prior.required("prior")?;
-        let overrides = overrides(&options.read()?)?;
+        let options = options.read()?;
+        let (overrides, for_updates) =
+            (overrides(&options)?, options.given & NVSP_PRIOR_UPDATES != 0);
         let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
         log_load(handle, &loaded);
-        let scene = content.engine.upload(&loaded)?;
+        let scene = match for_updates {
+            true => content.engine.upload_for_updates(&loaded)?,
+            false => content.engine.upload(&loaded)?,
+        };
         let content = PriorContent { scene, info: info_of(&loaded) };
         prior.write(Handle::boxed(content, handle.log()));
         Ok(NVSP_OK)
@@ -267,8 +275,11 @@ fn open<'a>(
 
 fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
     let nvsp_prior_options { given, near_plane, alpha_max, antialiased, background, .. } = *options;
-    let known =
-        NVSP_PRIOR_NEAR | NVSP_PRIOR_ALPHA_MAX | NVSP_PRIOR_ANTIALIASED | NVSP_PRIOR_BACKGROUND;
+    let known = NVSP_PRIOR_NEAR
+        | NVSP_PRIOR_ALPHA_MAX
+        | NVSP_PRIOR_ANTIALIASED
+        | NVSP_PRIOR_BACKGROUND
+        | NVSP_PRIOR_UPDATES;
     if given & !known != 0 {
         return Err(Failure::argument("nvsp_prior_options.given"));
     }

@@ -4,7 +4,7 @@ use std::ptr::null_mut;
 
 use crate::modem::{
     Division, Loss, MAX_UNPROTECTED, PacketState, ProcessedReport, Protection, RateControlOptions,
-    Report, Sender, SenderOptions, share_count,
+    Report, Sender, SenderOptions, UpdateOptions, share_count,
 };
 
 use super::handle::Handle;
@@ -52,6 +52,8 @@ pub const NVSP_SENDER_EXPECT_REPORTS: u32 = 1;
 /// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
 /// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
 pub const NVSP_SENDER_UNPROTECTED: u32 = 2;
+/// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update. Needs a bit rate.
+pub const NVSP_SENDER_UPDATES: u32 = 4;
 
 /// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
 #[allow(dead_code)] // For C alone.
@@ -101,8 +103,15 @@ pub struct nvsp_sender_options {
     pub stream: u32,
     /// NVSP_SENDER_* flags.
     pub flags: u32,
+    /// With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get the
+    /// rest. 0: a third.
+    pub update_share: f64,
+    /// With NVSP_SENDER_UPDATES: bytes of the updates that are kept, all of the dive. 0: 65536.
+    pub update_memory: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_sender_options, 88);
+versioned!(nvsp_sender_options, 88, 104);
 
 /// How a packet was divided.
 #[repr(C)]
@@ -172,7 +181,7 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
     if options.stream > 3 {
         return Err(Failure::argument("nvsp_sender_options.stream: above 3"));
     }
-    if is_set(!(NVSP_SENDER_EXPECT_REPORTS | NVSP_SENDER_UNPROTECTED)) {
+    if is_set(!(NVSP_SENDER_EXPECT_REPORTS | NVSP_SENDER_UNPROTECTED | NVSP_SENDER_UPDATES)) {
         return Err(Failure::argument("nvsp_sender_options.flags: unknown"));
     }
     let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
@@ -199,8 +208,24 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
         stream: options.stream as u8,
         protection: if unprotected { Protection::None } else { Protection::Layers },
         expect_reports: is_set(NVSP_SENDER_EXPECT_REPORTS),
-        updates: None,
+        updates: updates_of(options)?,
     })
+}
+
+fn updates_of(options: &nvsp_sender_options) -> Result<Option<UpdateOptions>, Failure> {
+    let nvsp_sender_options { update_share, update_memory, .. } = *options;
+    if options.reserved != 0 {
+        return Err(Failure::argument("nvsp_sender_options.reserved: not 0"));
+    }
+    let defaults = UpdateOptions::default();
+    if options.flags & NVSP_SENDER_UPDATES == 0 {
+        let stated = update_share != 0.0 || update_memory != 0;
+        let what = "nvsp_sender_options.update_share, update_memory: without NVSP_SENDER_UPDATES";
+        return if stated { Err(Failure::argument(what)) } else { Ok(None) };
+    }
+    let share = if update_share == 0.0 { defaults.share } else { update_share };
+    let memory = if update_memory == 0 { defaults.memory } else { update_memory as usize };
+    Ok(Some(UpdateOptions { share, repeat: defaults.repeat.min(share), memory }))
 }
 
 fn loss_of(chance: f64, burst: f64) -> Loss {

@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_char};
 use crate::image::PixelError;
 use crate::modem::ModemError;
 use crate::packet::PacketError;
-use crate::prior::PriorError;
+use crate::prior::{PriorError, UpdateError};
 use crate::queue::QueueError;
 use crate::residual::ResidualError;
 use crate::vulkan;
@@ -83,6 +83,9 @@ pub const NVSP_ERR_UNSUPPORTED: nvsp_status = -28;
 /// The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 /// nvsp_decoded.damage has it.
 pub const NVSP_ERR_REFERENCE: nvsp_status = -29;
+/// An update of the prior is damaged, or does not stand on those before. In nvsp_decoded.damage: the update that the
+/// frame is drawn with has not come.
+pub const NVSP_ERR_UPDATE: nvsp_status = -30;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -117,6 +120,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_BUDGET => c"the byte budget does not hold the pose",
         NVSP_ERR_PACKET => c"no packet, or damaged",
         NVSP_ERR_OTHER_PRIOR => c"the packet is about another prior",
+        NVSP_ERR_UPDATE => c"the update of the prior is damaged, out of order or missing",
         NVSP_ERR_CAMERA_UNKNOWN => c"the packet's camera is not known",
         NVSP_ERR_RESIDUAL => c"the difference picture is damaged",
         NVSP_ERR_MODEM => c"no modem frame of a packet",
@@ -212,7 +216,8 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
         E::Vulkan(error) => of_vulkan(error),
         E::Prior(error) => of_prior(error),
         E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
-        E::Update(_) | E::UpdateMissing { .. } => NVSP_ERR_OTHER_PRIOR,
+        E::Update(error) => of_update(error),
+        E::UpdateMissing { .. } => NVSP_ERR_UPDATE,
         E::Camera(_) => NVSP_ERR_CAMERA,
         E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
         E::Lens(_) | E::MaskSize { .. } | E::MaskEmpty | E::StreamCoder => NVSP_ERR_ARGUMENT,
@@ -240,6 +245,15 @@ pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
     }
 }
 
+fn of_update(error: &UpdateError) -> nvsp_status {
+    match error {
+        UpdateError::Newer { .. } => NVSP_ERR_NEWER,
+        UpdateError::Foreign { .. } => NVSP_ERR_OTHER_PRIOR,
+        UpdateError::NoRoom => NVSP_ERR_STATE,
+        _ => NVSP_ERR_UPDATE,
+    }
+}
+
 fn of_queue(error: QueueError) -> nvsp_status {
     match error {
         QueueError::Full | QueueError::Ending | QueueError::UnderWay => NVSP_ERR_UNFINISHED,
@@ -263,10 +277,12 @@ fn of_modem(error: &ModemError) -> nvsp_status {
         | E::UnprotectedStream(_)
         | E::UnpacedReports
         | E::UserBytes(_)
+        | E::UpdateShare { .. }
         | E::Time(_) => NVSP_ERR_ARGUMENT,
         E::Budget { .. } => NVSP_ERR_BUDGET,
-        E::NotPlanned | E::NoReports | E::Unpaced => NVSP_ERR_STATE,
-        E::Waiting { .. } => NVSP_ERR_UNFINISHED,
+        E::NotPlanned | E::NoReports | E::Unpaced | E::NoUpdates => NVSP_ERR_STATE,
+        E::Waiting { .. } | E::UpdatesFull { .. } => NVSP_ERR_UNFINISHED,
+        E::Update(_) | E::UpdateOrder { .. } | E::UpdateTooLong { .. } => NVSP_ERR_UPDATE,
         _ => NVSP_ERR_MODEM,
     }
 }

@@ -171,6 +171,8 @@ static nvsp_status device_info(void *structure) { return nvsp_device_get_info(0,
 
 static nvsp_status estimate(void *structure) { return nvsp_prior_estimate(dive.prior, &dive.camera, structure); }
 
+static nvsp_status learning(void *structure) { return nvsp_encoder_get_learning(both.encoder, structure); }
+
 static nvsp_status between_out(void *structure) {
     return nvsp_pose_between(&dive.poses[0], &dive.poses[0], 0.5, structure);
 }
@@ -193,10 +195,11 @@ static const struct {
     {sizeof(nvsp_frame_info), begun_info, 0, 0},
     {sizeof(nvsp_frame_stats), frame_stats, 1, 0},
     {sizeof(nvsp_decoded), decoded, 1, 0},
+    {sizeof(nvsp_learning), learning, 1, 0},
     {sizeof(nvsp_header), header, 1, 0},
     {sizeof(nvsp_pose), between_out, 1, 0},
-    {sizeof(nvsp_collector_options), collector_options, 0, 0},
-    {sizeof(nvsp_collector_options), collector_memory, 0, 0},
+    {sizeof(nvsp_collector_options), collector_options, 0, 32},
+    {sizeof(nvsp_collector_options), collector_memory, 0, 32},
     {sizeof(nvsp_collected), collected, 1, 0},
     {sizeof(nvsp_collected), collected_newest, 1, 0},
     {sizeof(nvsp_collected), collected_fetch, 1, 0},
@@ -347,17 +350,19 @@ static void others(void) {
         const void *valid;
         size_t size;
         caller call;
+        // As in `structures`.
+        size_t first;
     } all[] = {
-        {&camera, sizeof camera, camera_in},
-        {&pose, sizeof pose, pose_in},
-        {&image, sizeof image, image_in},
-        {&picture, sizeof picture, picture_in},
-        {&lens, sizeof lens, lens_in},
-        {&mask, sizeof mask, mask_in},
-        {&sender_options, sizeof sender_options, sender_options_in},
-        {&pose, sizeof pose, draw_pose},
-        {&picture, sizeof picture, draw_picture},
-        {&pose, sizeof pose, between_poses},
+        {&camera, sizeof camera, camera_in, 0},
+        {&pose, sizeof pose, pose_in, 0},
+        {&image, sizeof image, image_in, 0},
+        {&picture, sizeof picture, picture_in, 0},
+        {&lens, sizeof lens, lens_in, 0},
+        {&mask, sizeof mask, mask_in, 0},
+        {&sender_options, sizeof sender_options, sender_options_in, 88},
+        {&pose, sizeof pose, draw_pose, 0},
+        {&picture, sizeof picture, draw_picture, 0},
+        {&pose, sizeof pose, between_poses, 0},
     };
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t size = all[i].size;
@@ -370,7 +375,7 @@ static void others(void) {
         words[0] = (uint32_t)size + 24;
         ((uint8_t *)words)[size + 23] = 1;
         EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
-        const uint32_t bad[] = {0, 7, (uint32_t)size - 1, 4097, UINT32_MAX};
+        const uint32_t bad[] = {0, 7, (uint32_t)(all[i].first > 0 ? all[i].first : size) - 1, 4097, UINT32_MAX};
         for (size_t b = 0; b < sizeof bad / sizeof *bad; b++) {
             words[0] = bad[b];
             EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));

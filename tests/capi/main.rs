@@ -40,6 +40,7 @@ programs! {
     given_device: [];
     dmabuf: [];
     unprotected: [];
+    updates: [];
     garbage: [];
     allocations: [];
     soak: ["200"];

@@ -27,6 +27,7 @@ pub fn folder() -> &'static Path {
 }
 
 /// Writes `prior.ply`, `prior.nvsg`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on;
+/// `update-1.nvsu` and `update-2.nvsu`, a chain of updates of the prior;
 /// `preprocessed.ply`, the same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and
 /// `scene.txt`: one line with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose
 /// (qw,qx,qy,qz,tx,ty,tz).
@@ -41,6 +42,9 @@ fn write(folder: &Path) {
     let key_frames = KeyFrames::new(key_frames).unwrap();
     key_frames.save(&KeyFrames::path_beside(&other)).unwrap();
 
+    for (k, (update, _)) in (1..).zip(wall::chain(&prior, 2)) {
+        std::fs::write(folder.join(format!("update-{k}.nvsu")), update).unwrap();
+    }
     let white_balance = WhiteBalance::GrayWorld;
     let preprocessing = Preprocessing { white_balance, clahe: Clahe::new(2.5, 8).ok() };
     let preprocessed = prior.clone().with_preprocessing(preprocessing);

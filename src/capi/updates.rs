@@ -1,0 +1,362 @@
+//! Updates of the prior: what a vehicle learns, on its way to the topside.
+
+use crate::prior::Update;
+use crate::{Decoder, Encoder};
+
+use super::collector::nvsp_collector;
+use super::decoder::nvsp_decoder;
+use super::encoding::nvsp_encoder;
+use super::limits::Limits;
+use super::memory::Grant;
+use super::sender::nvsp_sender;
+use super::slices::{Room, slice};
+use super::status::*;
+use super::structs::{Out, Place, versioned, zeroed};
+
+/// Bytes that always suffice for an update that this library's encoders make.
+#[allow(dead_code)] // For C alone.
+pub const NVSP_UPDATE_BYTES: usize = 65_536;
+
+/// Host memory that an update takes at most: the states that are held, and one more.
+const HELD: u64 = 8 << 20;
+
+/// What an encoder has learnt.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_learning {
+    pub struct_size: u32,
+    pub abi_version: u32,
+    /// Number of the newest update that frames are drawn with; 0: none.
+    pub newest: u32,
+    /// Splats that were learnt and are still there.
+    pub splats: u32,
+    /// Updates that were given out since the encoder began to learn.
+    pub updates: u32,
+    /// Updates that did not pay for their bytes, and were dropped.
+    pub refused: u32,
+    /// Bytes of the updates given out.
+    pub update_bytes: u64,
+}
+versioned!(nvsp_learning, 32);
+
+/// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not. Ask
+/// after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes nothing
+/// then. Give it to nvsp_sender_push_update, and keep it for the next dive: one update after the other in a file is a
+/// dive.nvsu. Frames are drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update,
+/// no other one comes.
+///
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept. If
+/// learning has failed, the call fails once, as nvsp_encode does; the encoder goes on without learning.
+///
+/// # Safety
+/// - `update`: receives the update. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `update`; NVSP_UPDATE_BYTES always suffices.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_take_update(
+    encoder: Option<&nvsp_encoder>,
+    update: *mut u8,
+    size: usize,
+    written: Place<usize>,
+) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        // SAFETY: `size` bytes stand at `update`, see `# Safety`.
+        let mut room = unsafe { Room::new(update, size, written, "update")? };
+        let mut core = content.core()?;
+        if core.update.is_none() {
+            core.update = learning::take(&mut core.encoder)?;
+        }
+        let Some(bytes) = &core.update else { return Ok(NVSP_PENDING) };
+        room.write(bytes)?;
+        core.update = None;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Draws frames from the next one on with the update that nvsp_encoder_take_update gave last, if it has this number:
+/// call it with what nvsp_sender_held_update tells. Returns NVSP_PENDING if another one waits, or none.
+///
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
+///
+/// # Parameters
+/// - `number`: the update's number.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_encoder_adopt_update(
+    encoder: Option<&nvsp_encoder>,
+    number: u32,
+) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        let number = u16::try_from(number).map_err(|_| Failure::argument("number"))?;
+        let adopted = learning::adopt(&mut content.core()?.encoder, number)?;
+        Ok(if adopted { NVSP_OK } else { NVSP_PENDING })
+    })
+}
+
+/// Drops the update that waits to be adopted: it could not be sent. Learning goes on without it.
+///
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_encoder_drop_update(encoder: Option<&nvsp_encoder>) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        let mut core = content.core()?;
+        core.update = None;
+        learning::drop_waiting(&mut core.encoder)?;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Draws frames from the next one on with an update of an earlier dive, or of this dive before a restart. Give all of
+/// them, in their order. An update that waits to be adopted is dropped.
+///
+/// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, NVSP_ERR_UNFINISHED (a frame is
+/// under way), or NVSP_ERR_STATE if the prior was opened without NVSP_PRIOR_UPDATES. Nothing changes then.
+///
+/// # Safety
+/// - `update`: the update. Read during the call. Not NULL.
+/// - `size`: bytes of `update`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_encoder_add_update(
+    encoder: Option<&nvsp_encoder>,
+    update: *const u8,
+    size: usize,
+) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        // SAFETY: `size` bytes stand at `update`, see `# Safety`.
+        let bytes = unsafe { slice(update, size, "update")? };
+        let mut core = content.core()?;
+        let _memory = room(&core.limits)?;
+        let mut learnt = core.encoder.learnt().clone();
+        learnt
+            .add(&Update::read(bytes).map_err(crate::Error::from)?)
+            .map_err(crate::Error::from)?;
+        core.encoder.set_learnt(&learnt)?;
+        core.update = None;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Tells what an encoder has learnt. Allocates nothing.
+///
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
+///
+/// # Parameters
+/// - `learning`: receives it, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_encoder_get_learning(
+    encoder: Option<&nvsp_encoder>,
+    learning: Out<nvsp_learning>,
+) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        let out = learning.required()?;
+        let core = content.core()?;
+        let learnt = core.encoder.learnt();
+        let told = nvsp_learning {
+            newest: learnt.number().into(),
+            splats: learnt.splats().len() as u32,
+            ..zeroed()
+        };
+        out.write(&learning::with_counts(told, &core.encoder));
+        Ok(NVSP_OK)
+    })
+}
+
+/// Takes an update that the vehicle sent, or one of an earlier dive. Packets that are drawn with it can be decoded from
+/// here on; those of some updates before still can. Give updates in their order. One with number 1 begins anew: the
+/// vehicle has lost what it had learnt.
+///
+/// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior was
+/// opened without NVSP_PRIOR_UPDATES. Nothing changes then.
+///
+/// # Safety
+/// - `update`: the update. Read during the call. Not NULL.
+/// - `size`: bytes of `update`.
+/// - `number`: receives the update's number. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_add_update(
+    decoder: Option<&nvsp_decoder>,
+    update: *const u8,
+    size: usize,
+    number: Place<u32>,
+) -> nvsp_status {
+    nvsp_decoder::call(decoder, |content| {
+        let number = number.required("number")?;
+        // SAFETY: `size` bytes stand at `update`, see `# Safety`.
+        let bytes = unsafe { slice(update, size, "update")? };
+        let added = content.change(|decoder: &mut Decoder, limits| {
+            let _memory = room(limits)?;
+            Ok(decoder.add_update(bytes)?)
+        })?;
+        number.write(added.into());
+        Ok(NVSP_OK)
+    })
+}
+
+/// Sets memory aside for an update.
+fn room(limits: &Limits) -> Result<Grant, Failure> {
+    Grant::take("an update of the prior", HELD, limits.host_bytes)
+}
+
+/// Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and come
+/// again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
+///
+/// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_STATE (the sender was made without NVSP_SENDER_UPDATES),
+/// NVSP_ERR_UPDATE (it is damaged, does not stand on those before, or is too long for the MTU) or NVSP_ERR_UNFINISHED
+/// (there is no more room). Nothing changes then: call nvsp_encoder_drop_update.
+///
+/// # Safety
+/// - `now`: seconds.
+/// - `update`: the update. Read during the call. Not NULL.
+/// - `size`: bytes of `update`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_sender_push_update(
+    sender: Option<&nvsp_sender>,
+    now: f64,
+    update: *const u8,
+    size: usize,
+) -> nvsp_status {
+    nvsp_sender::call(sender, |content| {
+        // SAFETY: `size` bytes stand at `update`, see `# Safety`.
+        let bytes = unsafe { slice(update, size, "update")? };
+        content.push_update(now, bytes)?;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Tells the newest update that frames may be drawn with: the topside has it. Without reports it has it with a chance of
+/// 99 %, at the loss that is assumed. Returns NVSP_PENDING if there is none, and writes nothing then. Allocates nothing.
+///
+/// # Parameters
+/// - `number`: receives its number, for nvsp_encoder_adopt_update. Not NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_sender_held_update(
+    sender: Option<&nvsp_sender>,
+    number: Place<u32>,
+) -> nvsp_status {
+    nvsp_sender::call(sender, |content| {
+        let number = number.required("number")?;
+        let Some(held) = content.held_update() else { return Ok(NVSP_PENDING) };
+        number.write(held.into());
+        Ok(NVSP_OK)
+    })
+}
+
+/// Copies the update that is due first. Ask after NVSP_EVENT_UPDATE: give it to nvsp_decoder_add_update, tell what came of
+/// it with nvsp_collector_settle_update, and ask again. Returns NVSP_PENDING if there is none, and writes nothing then.
+/// Allocates nothing.
+///
+/// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_BUFFER_TOO_SMALL. The update stays then.
+///
+/// # Safety
+/// - `stream`: 0 to 3.
+/// - `update`: receives the update. Yours, of `size` bytes. Not NULL.
+/// - `size`: bytes of `update`; nvsp_collector_options.update_bytes always suffices.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_collector_fetch_update(
+    collector: Option<&nvsp_collector>,
+    stream: u32,
+    update: *mut u8,
+    size: usize,
+    written: Place<usize>,
+) -> nvsp_status {
+    nvsp_collector::call(collector, |content| {
+        // SAFETY: `size` bytes stand at `update`, see `# Safety`.
+        let mut room = unsafe { Room::new(update, size, written, "update")? };
+        let Some(bytes) = content.update(stream_of(stream)?) else { return Ok(NVSP_PENDING) };
+        room.write(bytes)?;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Tells whether the update that nvsp_collector_fetch_update gave was added. If not, it needs others before it: it is
+/// given again after another one was added, unless its place is needed. Allocates nothing.
+///
+/// Fails with NVSP_ERR_ARGUMENT.
+///
+/// # Parameters
+/// - `stream`: 0 to 3.
+/// - `added`: not 0: nvsp_decoder_add_update returned NVSP_OK.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_collector_settle_update(
+    collector: Option<&nvsp_collector>,
+    stream: u32,
+    added: u32,
+) -> nvsp_status {
+    nvsp_collector::call(collector, |content| {
+        content.settle_update(stream_of(stream)?, added != 0);
+        Ok(NVSP_OK)
+    })
+}
+
+fn stream_of(stream: u32) -> Result<u8, Failure> {
+    match u8::try_from(stream) {
+        Ok(stream @ 0..=3) => Ok(stream),
+        _ => Err(Failure::argument("stream")),
+    }
+}
+
+/// Has an encoder learn by so many steps per frame.
+pub(super) fn learn(encoder: &mut Encoder, steps: u32) -> Result<(), Failure> {
+    learning::begin(encoder, steps)
+}
+
+#[cfg(feature = "training")]
+mod learning {
+    use crate::learning::LearnOptions;
+
+    use super::*;
+
+    pub fn begin(encoder: &mut Encoder, steps_per_frame: u32) -> Result<(), Failure> {
+        let options = LearnOptions { steps_per_frame, ..LearnOptions::default() };
+        Ok(encoder.learn(&options)?)
+    }
+
+    pub fn take(encoder: &mut Encoder) -> Result<Option<Vec<u8>>, Failure> {
+        Ok(encoder.take_update()?)
+    }
+
+    pub fn adopt(encoder: &mut Encoder, number: u16) -> Result<bool, Failure> {
+        Ok(encoder.adopt(number))
+    }
+
+    pub fn drop_waiting(encoder: &mut Encoder) -> Result<(), Failure> {
+        encoder.drop_update();
+        Ok(())
+    }
+
+    pub fn with_counts(told: nvsp_learning, encoder: &Encoder) -> nvsp_learning {
+        let stats = encoder.learner_stats().unwrap_or_default();
+        let (updates, refused) = (stats.updates, stats.refused);
+        nvsp_learning { updates, refused, update_bytes: stats.update_bytes as u64, ..told }
+    }
+}
+
+/// A library that does not learn.
+#[cfg(not(feature = "training"))]
+mod learning {
+    use super::*;
+
+    fn without() -> Failure {
+        Failure::at(NVSP_ERR_UNSUPPORTED, "learning: takes a library with the feature training")
+    }
+
+    pub fn begin(_: &mut Encoder, _: u32) -> Result<(), Failure> {
+        Err(without())
+    }
+
+    pub fn take(_: &mut Encoder) -> Result<Option<Vec<u8>>, Failure> {
+        Err(without())
+    }
+
+    pub fn adopt(_: &mut Encoder, _: u16) -> Result<bool, Failure> {
+        Err(without())
+    }
+
+    pub fn drop_waiting(_: &mut Encoder) -> Result<(), Failure> {
+        Err(without())
+    }
+
+    pub fn with_counts(told: nvsp_learning, _: &Encoder) -> nvsp_learning {
+        told
+    }
+}
