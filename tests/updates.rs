@@ -213,3 +213,59 @@ fn no_wrong_picture_is_shown_as_right() {
     assert!(whole > 200 && missing > 50, "{whole} whole, {missing} missing");
     assert_silent(&engine);
 }
+
+#[test]
+fn without_a_frame_before_the_camera_that_is_known_shows_what_is_held() {
+    let prior = wall(37);
+    let chain = chain(&prior, 1);
+    let dive = Dive::new(&prior, &chain, 4, &[1]);
+    let engine = engine();
+    let mut decoder = Decoder::new(&engine, &for_updates(&engine, &prior));
+    decoder.add_camera(&CAMERA).unwrap();
+    for t in [1, 2] {
+        let parsed = nvsprior::packet::Parsed::of(&dive.packets[t]).unwrap();
+        let size = (t == 1).then_some((CAMERA.width, CAMERA.height));
+        assert_eq!(decoder.size_to_prepare(&parsed), size, "room is made with the first frame");
+        let decoded = decoder.decode(&dive.packets[t]).unwrap();
+        assert_eq!((decoded.missing_update, decoded.rows), (Some(1), 0));
+    }
+    decoder.add_update(&chain[0].0).unwrap();
+    assert_eq!(decoder.decode(&dive.packets[2]).unwrap().picture, dive.pictures[2]);
+    assert_silent(&engine);
+}
+
+#[test]
+fn a_chain_that_begins_anew_is_taken_and_what_came_after_is_forgotten() {
+    let prior = wall(38);
+    let chain = chain(&prior, 12);
+    let engine = engine();
+    let mut decoder = Decoder::new(&engine, &for_updates(&engine, &prior));
+    for (k, (update, _)) in chain.iter().enumerate() {
+        assert_eq!(decoder.add_update(update).unwrap(), k as u16 + 1);
+        // Any that is there already changes nothing.
+        assert_eq!(decoder.add_update(&chain[k / 2].0).unwrap(), k as u16 + 1);
+    }
+    let numbers = |decoder: &Decoder| decoder.states().map(|(n, _)| n).collect::<Vec<_>>();
+    assert_eq!(numbers(&decoder), [12, 11, 10, 9, 8, 7, 6, 5]);
+    let after = |learnt: &Learnt| {
+        let mut other = update(learnt);
+        other.splats[0].colour[0] += 1;
+        let mut bytes = Vec::new();
+        other.write(&mut bytes).unwrap();
+        bytes
+    };
+    // On a state that is held: those after it go.
+    assert_eq!(decoder.add_update(&after(&chain[5].1)).unwrap(), 7);
+    assert_eq!(numbers(&decoder), [7, 6, 5]);
+    // On one that is not held any more: all go, and come again.
+    let third = after(&chain[1].1);
+    assert!(decoder.add_update(&third).is_err());
+    assert_eq!((numbers(&decoder), decoder.learnt().number()), (vec![], 0));
+    for (update, _) in &chain[..2] {
+        decoder.add_update(update).unwrap();
+    }
+    assert_eq!(decoder.add_update(&third).unwrap(), 3);
+    // On the prior itself.
+    assert_eq!(decoder.add_update(&after(&Learnt::none(prior.id()))).unwrap(), 1);
+    assert_eq!(numbers(&decoder), [1]);
+}

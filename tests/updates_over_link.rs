@@ -14,14 +14,14 @@ use nvsprior::modem::{
 use nvsprior::packet::Latent;
 use nvsprior::prior::{Learnt, NewSplat, Update, UpdateGrid};
 use nvsprior::render::Scene;
-use nvsprior::{
-    Decoded, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Prior, Rate, Trust,
-};
+use nvsprior::{Decoded, Decoder, Encoder, EncoderOptions, Engine, Picture, Prior, Rate, Trust};
 use scene::{CAMERA, clean_frame, on_device, pose, wall};
 
 /// Pictures per second.
 const FPS: u32 = 4;
 const MTU: usize = 64;
+/// Updates of a chain: more than a topside holds states of.
+const MOST: usize = 12;
 /// Different frames; the run goes through them again and again.
 const FRAMES: usize = 6;
 
@@ -112,7 +112,7 @@ impl Vehicle {
 
     /// Learns something, and sends it. It waits for the updates before, as a learner does.
     fn learn(&mut self, now: f64) {
-        if self.drawn < self.chain.len() {
+        if self.drawn < self.chain.len() || self.chain.len() == MOST {
             return;
         }
         let mut learnt = match self.chain.last() {
@@ -160,8 +160,10 @@ impl Topside {
             age: 6.0,
             ..CollectorOptions::new(MTU)
         };
+        let mut decoder = Decoder::new(engine, scene);
+        decoder.add_camera(&CAMERA).unwrap();
         Topside {
-            decoder: Decoder::new(engine, scene),
+            decoder,
             collector: Collector::new(options).unwrap(),
             decoded: Decoded::default(),
             updates: Vec::new(),
@@ -185,13 +187,7 @@ impl Topside {
     fn show(&mut self, frame: u32, expected: &Picture, render: &Picture) {
         let Some(packet) = self.collector.packet(0, frame) else { return };
         let complete = packet.complete;
-        match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded) {
-            Ok(()) => {}
-            // The packet with the camera has not come.
-            Err(Error::UpdateMissing { .. } | Error::CameraUnknown { .. }) => return,
-            Err(Error::SessionUnknown { .. }) => return,
-            Err(error) => panic!("{error}"),
-        }
+        self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded).unwrap();
         if self.decoded.missing_update.is_some() {
             self.outdated += 1;
             assert_eq!(self.decoded.rows, 0, "no difference on another render");
@@ -230,6 +226,7 @@ struct Dive {
     reports: Vec<(u32, Vec<u8>)>,
     /// Losses, restarts and joins.
     events: usize,
+    has_frames: bool,
 }
 
 impl Dive {
@@ -250,6 +247,7 @@ impl Dive {
             late: Vec::new(),
             reports: Vec::new(),
             events: 0,
+            has_frames: true,
         }
     }
 
@@ -260,7 +258,7 @@ impl Dive {
     fn step(&mut self) {
         let now = f64::from(self.tick) / f64::from(FPS);
         self.vehicle.adopt();
-        let shown = self.encode(now);
+        let shown = if self.has_frames { self.encode(now) } else { None };
         for frame in std::mem::take(&mut self.late) {
             self.topside.take(now, &frame);
         }
@@ -318,19 +316,19 @@ impl Dive {
     /// Something restarts or is learnt, by chance.
     fn happen(&mut self) {
         let now = f64::from(self.tick) / f64::from(FPS);
-        if self.chance(0.08) {
+        if self.chance(0.3) {
             self.vehicle.learn(now);
         }
-        if self.chance(0.01) {
+        if self.chance(0.03) {
             let kept = self.random.within(0.0, 1.0 + self.vehicle.chain.len() as f32) as usize;
             self.vehicle.restart(&self.engine, now, self.tick, kept);
             self.events += 1;
         }
-        if self.chance(0.02) {
+        if self.chance(0.08) {
             let new = Topside::new(&self.engine, &self.vehicle.scene);
             let old = std::mem::replace(&mut self.topside, new);
             (self.topside.whole, self.topside.outdated) = (old.whole, old.outdated);
-            if self.chance(0.5) {
+            if self.chance(0.4) {
                 for update in &old.updates {
                     let _ = self.topside.decoder.add_update(update);
                 }
@@ -348,7 +346,7 @@ impl Dive {
         assert_eq!(self.vehicle.encoder.learnt().state(), state, "{what}");
     }
 
-    /// Runs until there were so many events, and then until all is quiet.
+    /// Runs until there were so many events, and then for some seconds without any but losses.
     fn run(&mut self, events: usize, quiet: u32) {
         while self.events < events {
             self.happen();
@@ -358,7 +356,10 @@ impl Dive {
         if self.vehicle.chain.is_empty() {
             self.vehicle.learn(now);
         }
+        // Reports tell of frames. Without them, updates need none.
+        self.has_frames = self.vehicle.options.expect_reports;
         (0..quiet * FPS).for_each(|_| self.step());
+        self.has_frames = true;
         let outdated = self.topside.outdated;
         self.assert_one_version("after quiet seconds");
         self.loss = 0.0;
@@ -370,20 +371,20 @@ impl Dive {
 #[test]
 fn five_hundred_losses_and_restarts_with_reports_end_on_one_version() {
     let prior = wall(41);
-    let mut dive = Dive::new(&prior, 0.3, true, 41);
+    let mut dive = Dive::new(&prior, 0.2, true, 41);
     dive.run(500, 30);
     let (whole, outdated) = (dive.topside.whole, dive.topside.outdated);
-    assert!(whole > 100 && outdated > 0, "{whole} whole, {outdated} outdated");
+    assert!(whole > 100 && outdated > 10, "{whole} whole, {outdated} outdated");
     assert_silent(&dive.engine);
 }
 
 #[test]
 fn five_hundred_losses_and_restarts_without_reports_end_on_one_version() {
     let prior = wall(42);
-    let mut dive = Dive::new(&prior, 0.3, false, 42);
-    dive.run(500, 60);
+    let mut dive = Dive::new(&prior, 0.2, false, 42);
+    dive.run(500, 240);
     let (whole, outdated) = (dive.topside.whole, dive.topside.outdated);
-    assert!(whole > 100 && outdated > 0, "{whole} whole, {outdated} outdated");
+    assert!(whole > 100 && outdated > 10, "{whole} whole, {outdated} outdated");
     assert_silent(&dive.engine);
 }
 
@@ -393,8 +394,8 @@ fn with_reports_no_frame_is_drawn_with_what_the_topside_lacks() {
     let prior = wall(43);
     let mut dive = Dive::new(&prior, 0.2, true, 43);
     let mut names = 0;
-    for step in 0..240 {
-        if step % 60 == 10 {
+    for step in 0..160 {
+        if step % 40 == 10 {
             dive.vehicle.learn(f64::from(dive.tick) / f64::from(FPS));
         }
         dive.step();
@@ -404,7 +405,7 @@ fn with_reports_no_frame_is_drawn_with_what_the_topside_lacks() {
     }
     dive.assert_one_version("after the dive");
     assert_eq!((dive.topside.outdated, dive.vehicle.drawn), (0, 4));
-    assert!(names > 150 && dive.topside.whole > 80, "{names} {}", dive.topside.whole);
+    assert!(names > 100 && dive.topside.whole > 60, "{names} {}", dive.topside.whole);
 }
 
 /// A vehicle that has forgotten all begins anew at update 1: the topside takes the new chain beside the old one, and

@@ -17,7 +17,15 @@ const TRIED: usize = 32;
 /// So many pieces that `needed` of them arrive with a chance of `aim`; [`MAX_PIECES`] if none are enough.
 pub fn pieces_for(needed: usize, loss: Loss, aim: f64) -> usize {
     let enough = |count: usize| loss.arrivals(count)[needed..].iter().sum::<f64>() >= aim;
-    (needed..MAX_PIECES).find(|count| enough(*count)).unwrap_or(MAX_PIECES)
+    let (mut few, mut many) = (needed, MAX_PIECES);
+    while few < many {
+        let count = few.midpoint(many);
+        match enough(count) {
+            true => many = count,
+            false => few = count + 1,
+        }
+    }
+    many
 }
 
 /// The cut of an update of `len` bytes that takes fewest bytes on the link, `overhead` of each piece counted.
