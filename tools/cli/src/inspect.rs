@@ -52,7 +52,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::from_file(&args.prior, bytes, &args.overrides.overrides())?;
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
-    print_learnt(&record::open_beside(&args.prior, prior.id())?);
+    print_learnt(&record::open_beside(&args.prior, &prior)?);
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
 }
 

@@ -6,7 +6,7 @@ use nvsprior::Prior;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{Learnt, UpdateChain, replace_file};
 
-use crate::container::Container;
+use crate::container::{Container, FINENESS};
 use crate::updates::chain_of;
 use crate::{beside, record, row};
 use nvsprior_inputs::args::OverrideArgs;
@@ -34,7 +34,7 @@ pub struct Args {
     #[arg(long, value_name = "NAME", value_parser = record::dive_name)]
     dive: Option<String>,
     /// Steps of a compact prior's quantisation, as multiples of the usual ones
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", default_value_t = FINENESS)]
     coarseness: f32,
 }
 
@@ -63,10 +63,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Writes what the merged prior has learnt, on this dive and before, beside it.
 fn record(args: &Args, prior: &Prior, chain: &UpdateChain, written: &Prior) -> anyhow::Result<()> {
-    let mut rows = record::open_beside(&args.prior, prior.id())?;
+    let mut rows = record::open_beside(&args.prior, prior)?;
     let dive = args.dive.clone().unwrap_or_else(|| record::next_dive(&rows));
     rows.extend(record::rows_of(chain, &dive)?);
-    Ok(record::save(&rows, &args.out, written.id())?)
+    Ok(record::save(&rows, &args.out, written)?)
 }
 
 fn print(

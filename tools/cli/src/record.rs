@@ -174,9 +174,17 @@ fn path_beside(prior: &Path) -> PathBuf {
     prior.with_added_extension("learnt")
 }
 
+/// What a record calls a prior: its identity without coder tables, which may come later.
+fn id_of(prior: &Prior) -> PriorId {
+    match prior.coder_tables() {
+        Some(_) => prior.clone().with_coder_tables(None).id(),
+        None => prior.id(),
+    }
+}
+
 /// The record beside a prior; none if there is no file. One of another prior is named, and left out.
-pub fn open_beside(path: &Path, prior: PriorId) -> anyhow::Result<Vec<Row>> {
-    let beside = path_beside(path);
+pub fn open_beside(path: &Path, prior: &Prior) -> anyhow::Result<Vec<Row>> {
+    let (beside, prior) = (path_beside(path), id_of(prior));
     if !beside.exists() {
         return Ok(Vec::new());
     }
@@ -209,21 +217,21 @@ fn text_of(rows: &[Row], prior: PriorId) -> String {
 }
 
 /// Writes a record beside the prior at `path`; none if there is nothing to record.
-pub fn save(rows: &[Row], path: &Path, prior: PriorId) -> Result<(), PriorError> {
+pub fn save(rows: &[Row], path: &Path, prior: &Prior) -> Result<(), PriorError> {
     match rows.is_empty() {
         true => Ok(()),
-        false => replace_file(&path_beside(path), text_of(rows, prior).as_bytes()),
+        false => replace_file(&path_beside(path), text_of(rows, id_of(prior)).as_bytes()),
     }
 }
 
 /// Gives a prior that was made of another one the record of that.
-pub fn carry(from: (&Path, PriorId), to: &Path) -> anyhow::Result<()> {
+pub fn carry(from: (&Path, &Prior), to: &Path) -> anyhow::Result<()> {
     let rows = open_beside(from.0, from.1)?;
     if rows.is_empty() {
         return Ok(());
     }
     let made = Prior::open(to, &Default::default())?;
-    Ok(save(&rows, to, made.id())?)
+    Ok(save(&rows, to, &made)?)
 }
 
 /// The name of the next dive if nobody gave one: how many there were, and one.

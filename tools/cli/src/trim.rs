@@ -115,7 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;
     let bytes = bench.save(&splats)?;
-    record::carry((&args.prior, prior.id()), &args.out)?;
+    record::carry((&args.prior, &prior), &args.out)?;
     let reduced = Prior::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();
     bench.print(&reduced, size, bytes as u64)?;

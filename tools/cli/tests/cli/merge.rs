@@ -251,6 +251,9 @@ fn a_merged_prior_says_what_it_has_learnt_on_which_dive() {
     assert!(row(&text, "learnt").starts_with("in 2 updates of "), "{text}");
     assert!(row(&text, "dive 1").starts_with(&first), "{text}");
     assert!(row(&text, "dive 2026-11-26").starts_with("update 1: frames 3 to 4, "), "{text}");
+    // A copy has it, too.
+    dive.run("key-frames two.ply --cover 9 --out copy.ply").ends_with(0);
+    assert_eq!(dive.bytes("copy.ply.learnt"), dive.bytes("two.ply.learnt"));
     // Of another prior in its place the record says nothing.
     std::fs::copy(dive.path("prior.ply"), dive.path("two.ply")).unwrap();
     let run = dive.run("inspect two.ply").ends_with(0).says("two.ply.learnt: of prior ");
