@@ -2,8 +2,9 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use nvsprior::packet::Latent;
 use nvsprior::prior::{Prior, Update};
 use nvsprior::render::Scene;
@@ -32,10 +33,11 @@ impl Updates {
         args: &Args,
         engine: &Engine,
         packets: &[PathBuf],
-    ) -> anyhow::Result<(std::sync::Arc<Scene>, Option<Updates>)> {
+    ) -> anyhow::Result<(Arc<Scene>, Option<Updates>)> {
         let chain = args.updates.as_ref().filter(|path| path.is_file());
-        if let Some(path) = chain.filter(|path| !is_chain(path).unwrap_or(false)) {
-            anyhow::bail!("{}: --updates takes a folder, or a chain of updates", path.display());
+        if let Some(path) = &args.updates {
+            let fits = path.is_dir() || is_chain(path)?;
+            ensure!(fits, "{}: --updates takes a folder, or a dive.nvsu", path.display());
         }
         let files = if chain.is_none() { beside(args, packets) } else { Vec::new() };
         if chain.is_none() && files.is_empty() && args.learnt.is_none() {

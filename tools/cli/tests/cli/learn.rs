@@ -94,6 +94,12 @@ fn goes_on(dive: &Dive, first: &Value) {
     run.says("next/dive.nvsu: of an earlier dive; it is now next/dive.nvsu.before");
     assert_eq!(dive.bytes("next/dive.nvsu.before"), b"an earlier one");
     assert_eq!(dive.bytes("next/dive.nvsu"), dive.bytes("packets/dive.nvsu"));
+    // What is no updates is refused.
+    let wrong = |path: &str, says: &str| {
+        dive.run(&format!("{decode} --updates {path}")).ends_with(1).says(says);
+    };
+    wrong("none-there", "none-there: ");
+    wrong("next/0001.nvsp", "next/0001.nvsp: --updates takes a folder, or a dive.nvsu");
     // Updates of another prior are refused.
     let run = dive.run(&format!("{encode} {learnt} {files}").replace("prior.nvsg", "prior.ply"));
     run.ends_with(1).says("packets/dive.nvsu: an update of prior ");
