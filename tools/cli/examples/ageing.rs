@@ -179,7 +179,8 @@ fn draw(path: &Path, curves: &[Vec<f64>]) -> anyhow::Result<()> {
         .margin(16)
         .x_label_area_size(44)
         .y_label_area_size(64)
-        .build_cartesian_2d(0.0..weeks, 0.0..1.1 * most)?;
+        // The names have their place above the curves.
+        .build_cartesian_2d(0.0..weeks, 0.0..1.5 * most)?;
     chart.configure_mesh().x_desc("weeks since the mapping run").y_desc("bytes").draw()?;
     for (k, (bytes, way)) in curves.iter().zip(&WAYS).enumerate() {
         let colour = Palette99::pick(k).to_rgba();

@@ -121,5 +121,10 @@ fn beside(args: &Args, packets: &[PathBuf]) -> Vec<PathBuf> {
 fn after(dive_file: &DiveFile, prior: &Prior, path: &PathBuf) -> anyhow::Result<VecDeque<Update>> {
     let chain = chain_of(prior.id(), std::slice::from_ref(path))?;
     let count = dive_file.updates().len().min(chain.updates().len());
+    ensure!(
+        chain.updates()[..count] == dive_file.updates()[..count],
+        "{}: of another chain than --learnt; both must be of the same dives",
+        path.display()
+    );
     Ok(chain.updates()[count..].iter().cloned().collect())
 }

@@ -39,8 +39,9 @@ impl LearnArgs {
 
     /// Refuses a frame whose update would have the name of the dive file.
     pub fn check(&self, frames: &[Input]) -> anyhow::Result<()> {
-        let taken =
-            |frame: &&Input| Path::new(&frame.name).with_extension("nvsu") == Path::new(DIVE_FILE);
+        let taken = |frame: &&Input| {
+            Path::new(&frame.name).with_added_extension("nvsu") == Path::new(DIVE_FILE)
+        };
         match frames.iter().find(taken).filter(|_| self.is_wanted()) {
             Some(frame) => anyhow::bail!(
                 "{}: a frame of this name takes the place of {DIVE_FILE}, which keeps what is learnt; rename it",
