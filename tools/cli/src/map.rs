@@ -146,7 +146,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let preprocessing = from.as_ref().map_or_else(own, |prior| *prior.preprocessing());
     let found = args.structure.find(&args.out, args.inputs.masks())?;
     let listed = args.inputs.list(found)?;
-    memory::check(&engine, &listed, &options)?;
+    memory::check(&engine, &listed, &options, from.is_some())?;
     let inputs = args.inputs.read(listed, &preprocessing)?;
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
     let how = (&options.render, &preprocessing);

@@ -8,6 +8,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use anyhow::{Context, ensure};
 use nvsprior::prior::{Learnt, PriorError, Update, UpdateChain, UpdateError, replace_file};
@@ -134,25 +135,31 @@ impl Row {
         let fields: Vec<&str> = line.split(',').collect();
         let columns = COLUMNS.split(',').count();
         ensure!(fields.len() == columns, "{} fields, not {columns}", fields.len());
-        let count = |at: usize| fields[at].parse().with_context(|| format!("\"{}\"", fields[at]));
-        let frame = |at: usize| fields[at].parse().with_context(|| format!("\"{}\"", fields[at]));
         let update = match fields[1].strip_prefix("update ") {
-            Some(number) => Some(number.parse().with_context(|| format!("\"{}\"", fields[1]))?),
+            Some(own) => Some(number(own).with_context(|| format!("\"{}\"", fields[1]))?),
             None if fields[1] == MAP => None,
             None => anyhow::bail!("\"{}\" is neither an update nor \"{MAP}\"", fields[1]),
         };
         Ok(Row {
             dive: dive_name(fields[0]).map_err(anyhow::Error::msg)?,
             update,
-            frames: [frame(2)?, frame(3)?],
-            bytes: count(4)?,
-            new: count(5)?,
-            changed: count(6)?,
-            removed: count(7)?,
-            fades: count(8)?,
+            frames: [number(fields[2])?, number(fields[3])?],
+            bytes: number(fields[4])?,
+            new: number(fields[5])?,
+            changed: number(fields[6])?,
+            removed: number(fields[7])?,
+            fades: number(fields[8])?,
             place: corners(&fields[9..])?,
         })
     }
+}
+
+/// The number in a field.
+fn number<T>(field: &str) -> anyhow::Result<T>
+where
+    T: FromStr<Err: std::error::Error + Send + Sync + 'static>,
+{
+    field.parse().with_context(|| format!("\"{field}\""))
 }
 
 /// Two corners of a box in six fields, all of which may be empty.
@@ -160,12 +167,12 @@ fn corners(fields: &[&str]) -> anyhow::Result<Option<[[f32; 3]; 2]>> {
     if fields.iter().all(|field| field.is_empty()) {
         return Ok(None);
     }
-    let number = |field: &&str| {
-        let value: f32 = field.parse().with_context(|| format!("\"{field}\""))?;
+    let finite = |field: &&str| {
+        let value: f32 = number(field)?;
         ensure!(value.is_finite(), "\"{field}\" is not finite");
         Ok(value)
     };
-    let numbers: Vec<f32> = fields.iter().map(number).collect::<anyhow::Result<_>>()?;
+    let numbers: Vec<f32> = fields.iter().map(finite).collect::<anyhow::Result<_>>()?;
     let corner = |first: usize| std::array::from_fn(|axis| numbers[first + axis]);
     Ok(Some([corner(0), corner(3)]))
 }

@@ -41,7 +41,9 @@ const MORE: f64 = 0.1;
 pub const ITERATIONS: u32 = 600;
 /// If a prior has no key frames: how far the views that are remembered are turned from each picture's, half turns.
 const TURNS: [f64; 4] = [0.33, -0.33, 0.67, -0.67];
-/// Share of a turned view that must show something.
+/// Views of which those that are remembered are chosen, per picture.
+pub const CANDIDATES: usize = 3;
+/// Share of a view that must show something.
 const SHOWN: f32 = 0.5;
 
 impl FromArgs {
@@ -76,15 +78,16 @@ impl FromArgs {
         inputs: &InputArgs,
         pictures: &[PosedPicture],
     ) -> anyhow::Result<Vec<PosedPicture>> {
-        let camera = pictures[0].camera;
+        let (camera, most) = (pictures[0].camera, CANDIDATES * pictures.len());
         if let Some(path) = &self.earlier {
-            return inputs.read_others(path, &camera, prior.preprocessing());
+            return inputs.read_others(path, most, &camera, prior.preprocessing());
         }
-        let poses = match prior.key_frames().poses() {
+        let poses: Vec<Pose> = match prior.key_frames().poses() {
             [] => pictures.iter().flat_map(|picture| turned(&picture.pose)).collect(),
             poses => poses.to_vec(),
         };
-        views(engine, prior, &camera, &poses)
+        let every = poses.len().div_ceil(most).max(1);
+        views(engine, prior, &camera, poses.iter().step_by(every))
     }
 
     /// Writes what the prior learnt, before and now, beside the one that was made of it.
@@ -121,11 +124,11 @@ fn turned(pose: &Pose) -> impl Iterator<Item = Pose> {
 }
 
 /// Views of a prior that show something.
-fn views(
+fn views<'a>(
     engine: &Engine,
     prior: &Prior,
     camera: &Camera,
-    poses: &[Pose],
+    poses: impl Iterator<Item = &'a Pose>,
 ) -> anyhow::Result<Vec<PosedPicture>> {
     let mut renderer = engine.renderer(&engine.upload(prior)?, camera, Plan::picture())?;
     let mut views = Vec::new();

@@ -201,16 +201,18 @@ impl InputArgs {
         Ok(MapInputs { train, held_out: held_out.collect(), points })
     }
 
-    /// Reads the pictures of another list, brought to the size of a camera.
+    /// Reads the pictures of another list, at most so many, evenly spread, brought to the size of a camera.
     pub fn read_others(
         &self,
         cameras: &Path,
+        most: usize,
         size: &Camera,
         preprocessing: &Preprocessing,
     ) -> anyhow::Result<Vec<PosedPicture>> {
         let listed = posed_pictures(cameras, &PosedOptions::default())?;
         let read = |input| Ok(self.read_one(size, (None, TRAIN), preprocessing, input)?.view);
-        listed.inputs.par_iter().map(read).collect()
+        let every = listed.inputs.len().div_ceil(most).max(1);
+        listed.inputs.par_iter().step_by(every).map(read).collect()
     }
 
     /// Reads a picture, and brings it to the size of all.

@@ -122,7 +122,8 @@ const FROM: &str = "map --from prior.ply --cameras cameras.json --split dive --i
 fn a_prior_goes_on_with_the_pictures_of_a_later_dive() {
     let dive = Dive::new();
     let before = Prior::open(&dive.path("prior.ply"), &Default::default()).unwrap();
-    dive.run(&format!("{FROM} --out a.nvsg --report report")).ends_with(0);
+    let run = dive.run(&format!("{FROM} --out a.nvsg --report report")).ends_with(0);
+    run.says("a prior to go on with");
     let report = dive.json("report/report.json");
     assert_eq!(report["iterations"], 60);
     // As many steps from nothing lead nowhere near.
