@@ -6,13 +6,14 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo demo-prior quick test gst gst-test c-test c-test-memory lint lib install uninstall package \
+.PHONY: help demo demo-prior ageing quick test gst gst-test c-test c-test-memory lint lib install uninstall package \
 	portability package-test firmware cross-aarch64 licences deb deb-test dist dist-test subproject-test abi-check \
 	abi-baseline shaders shaders-check shader-toolchain gpu-check device-report clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
+	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           all tests"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
@@ -54,6 +55,12 @@ demo-prior:
 	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
 	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 --knee 0 \
 		--out tools/basin/prior.nvsg --report target/demo-prior/report
+
+# How bytes grow with the age of the site: docs/mapping.md. Half an hour.
+ageing:
+	@scripts/setup.sh run
+	cargo build --release -p nvsprior-cli --bin nvsprior --example ageing
+	target/release/examples/ageing target/release/nvsprior tools/basin/prior.nvsg target/ageing
 
 # The unit tests, and the integration tests that need no device or few frames.
 quick:

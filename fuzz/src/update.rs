@@ -2,10 +2,11 @@
 //! input would get past it.
 use nvsprior::PriorId;
 use nvsprior::prior::update::{MAX_FADES, MAX_LEARNT};
-use nvsprior::prior::{Learnt, NewSplat, Update};
+use nvsprior::prior::{Learnt, NewSplat, Update, UpdateChain};
 
 pub fn run(bytes: &[u8]) {
     let _ = Update::read(bytes);
+    chain(bytes);
     let content = &bytes[..bytes.len().saturating_sub(4)];
     let file = [content, &crc32fast::hash(content).to_le_bytes()].concat();
     let Ok(update) = Update::read(&file) else { return };
@@ -40,6 +41,15 @@ pub fn run(bytes: &[u8]) {
     if places(&first) == first.splats.len() {
         assert_eq!(turned.state(), first.state());
     }
+}
+
+/// A chain is what its bytes begin with, up to the first update that is not good.
+fn chain(bytes: &[u8]) {
+    let Ok(read) = UpdateChain::read(bytes) else { return };
+    let mut again = Vec::new();
+    read.chain.write(&mut again).expect("what could be read");
+    assert!(bytes.starts_with(&again));
+    assert_eq!(read.left_out.is_none(), again.len() == bytes.len());
 }
 
 /// As the second of a chain it adds up, or changes nothing.

@@ -48,7 +48,8 @@ pub use replace::replace_file;
 pub use report::{LoadReport, PriorFormat};
 pub use splats::Splats;
 pub use update::{
-    Change, Fade, Learnt, LearntSplat, NewSplat, StateId, Update, UpdateError, UpdateGrid,
+    ChainRead, Change, Fade, Learnt, LearntSplat, NewSplat, StateId, Update, UpdateChain,
+    UpdateError, UpdateGrid,
 };
 
 #[cfg(test)]

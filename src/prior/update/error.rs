@@ -49,6 +49,8 @@ pub enum UpdateError {
     TooManyLearnt { count: usize },
     #[error("{count} fades in all updates: at most {}; fade larger boxes", MAX_FADES)]
     TooManyFades { count: usize },
+    #[error("update {due} and all after it are left out: {error}")]
+    LeftOut { due: u32, error: Box<UpdateError> },
     /// A file could not be read or written, or the prior with what was learnt is none.
     #[error(transparent)]
     Prior(#[from] PriorError),

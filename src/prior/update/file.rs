@@ -4,15 +4,17 @@ use std::path::Path;
 
 use super::super::{beside, replace::replace_file};
 use super::UpdateError;
+use super::chain::{ChainRead, UpdateChain};
 use super::content::Update;
+use super::limits::MAX_UPDATE_BYTES;
 
-/// More bytes than any update has.
-const MAX_BYTES: u64 = 1 << 20;
+/// More bytes than any chain of updates takes: dives of a year.
+const MAX_CHAIN_BYTES: u64 = 1 << 26;
 
 impl Update {
     /// Reads a file. Errors name it.
     pub fn open(path: &Path) -> Result<Update, UpdateError> {
-        let read = || Update::read(&beside::read(path, MAX_BYTES, "an update")?);
+        let read = || Update::read(&beside::read(path, MAX_UPDATE_BYTES as u64, "an update")?);
         read().map_err(|error| error.in_file(path))
     }
 
@@ -24,8 +26,26 @@ impl Update {
     }
 }
 
+impl UpdateChain {
+    /// Reads a file, as [`UpdateChain::read`]. Errors name it.
+    pub fn open(path: &Path) -> Result<ChainRead, UpdateError> {
+        let read = || UpdateChain::read(&beside::read(path, MAX_CHAIN_BYTES, "updates")?);
+        let read = read().map_err(|error| error.in_file(path))?;
+        let left_out = read.left_out.map(|error| error.in_file(path));
+        Ok(ChainRead { left_out, ..read })
+    }
+
+    /// Writes a file, which is there whole or not at all: if that fails, the one before stays. Errors name it.
+    pub fn save(&self, path: &Path) -> Result<(), UpdateError> {
+        let mut bytes = Vec::new();
+        self.write(&mut bytes).map_err(|error| error.in_file(path))?;
+        Ok(replace_file(path, &bytes)?)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::super::id::PriorId;
     use super::super::tests::sample;
     use super::*;
 
@@ -49,6 +69,28 @@ mod tests {
         assert!(error.contains("no file of an update"), "{error}");
         let error = sample(1, 3).save(&folder.path().join("no/a.nvsu")).unwrap_err().to_string();
         assert!(error.contains("no/a.nvsu: writing: "), "{error}");
+    }
+
+    #[test]
+    fn chains_come_back_also_half_written_ones() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dive.nvsu");
+        let mut chain = UpdateChain::none(PriorId(7));
+        chain.add(sample(1, 30)).unwrap();
+        chain.save(&path).unwrap();
+        let read = UpdateChain::open(&path).unwrap();
+        assert_eq!((read.chain, read.left_out.is_none()), (chain.clone(), true));
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, [&bytes[..], &[9, 0, 0]].concat()).unwrap();
+        let read = UpdateChain::open(&path).unwrap();
+        assert_eq!(read.chain, chain);
+        let error = read.left_out.unwrap().to_string();
+        assert!(error.contains("dive.nvsu: update 2 and all after it are left out: "), "{error}");
+        std::fs::write(&path, b"nvsc").unwrap();
+        let error = UpdateChain::open(&path).unwrap_err().to_string();
+        assert!(error.contains("dive.nvsu: truncated: "), "{error}");
+        let error = chain.save(&folder.path().join("no/dive.nvsu")).unwrap_err().to_string();
+        assert!(error.contains("no/dive.nvsu: writing: "), "{error}");
     }
 
     #[test]

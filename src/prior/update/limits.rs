@@ -6,6 +6,8 @@ use std::ops::RangeInclusive;
 pub const MAX_LEARNT: usize = 4096;
 /// Fades of a whole chain.
 pub const MAX_FADES: usize = 256;
+/// More bytes than any update has.
+pub const MAX_UPDATE_BYTES: usize = 1 << 20;
 /// The largest frame number.
 pub const MAX_FRAME: u32 = (1 << 24) - 1;
 /// Exponents of two of the step of positions.

@@ -1,6 +1,7 @@
 //! An update of a prior, `.nvsu`: what a vehicle learns on a dive, as a file of about seven bytes per splat.
 //!
-//! Updates form a chain. Each one names the prior, its number and the state that it stands on; [`Learnt`] adds them up.
+//! Updates form a chain. Each one names the prior, its number and the state that it stands on; [`Learnt`] adds them up,
+//! and [`UpdateChain`] keeps them in one file.
 //! An update adds splats, changes or takes back splats of updates before, and fades the prior's own splats in boxes.
 //!
 //! | byte | type | content |
@@ -81,6 +82,7 @@
 mod attributes;
 mod bits;
 mod body;
+mod chain;
 mod change;
 mod changes;
 mod content;
@@ -97,6 +99,7 @@ mod places;
 mod splat;
 mod state;
 
+pub use chain::{CHAIN_MAGIC, ChainRead, UpdateChain};
 pub use change::Change;
 pub use content::Update;
 pub use error::UpdateError;

@@ -8,6 +8,10 @@ use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
 
+/// Steps of a compact prior's quantisation, as multiples of the usual ones, which cost bytes of every packet
+/// (docs/decisions.md, 14).
+pub const FINENESS: f32 = 0.25;
+
 /// A kind of file, by the ending of its name.
 #[derive(Clone, Copy)]
 pub enum Container {

@@ -1,5 +1,7 @@
 //! `nvsprior decode`: packets in, pictures out.
 
+mod updates;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -10,6 +12,7 @@ use nvsprior::{Decoded, Decoder, Error, Trust};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::{frame_file, values};
+use updates::Updates;
 
 /// Decode packets to pictures, with the prior alone
 ///
@@ -30,9 +33,13 @@ pub struct Args {
     #[arg(long)]
     joined: bool,
     /// Folder with updates of the prior, NAME.nvsu, as `encode --learn` writes them; each is taken after packet
-    /// NAME.nvsp [default: the packets' folder]
-    #[arg(long, value_name = "DIR")]
+    /// NAME.nvsp. Or a dive.nvsu that holds them all [default: the packets' folder]
+    #[arg(long, value_name = "PATH")]
     updates: Option<PathBuf>,
+    /// Go on from the updates of earlier dives: the dive.nvsu that was kept. If there are updates, all are kept in
+    /// dive.nvsu beside the pictures
+    #[arg(long, value_name = "FILE")]
+    learnt: Option<PathBuf>,
     /// Cameras that may have been sent in packets that did not arrive
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -47,12 +54,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = values::files(&args.packets, "nvsp", "packets")?;
     values::make_folder("--frames", &args.frames)?;
     let engine = args.device.open()?;
-    let updates = Updates::of(args, &packets);
-    let scene = match updates.is_empty() {
-        true => args.prior.upload(&engine)?,
-        false => engine.upload_for_updates(&args.prior.open()?)?,
-    };
+    let (scene, mut updates) = Updates::upload(args, &engine, &packets)?;
     let mut decoder = Decoder::new(&engine, &scene);
+    if let Some(updates) = &mut updates {
+        updates.begin(&mut decoder)?;
+    }
     if let Some(path) = &args.cameras {
         let size = args.width.map_or_else(SizeArgs::default, SizeArgs::of);
         for view in &CameraFile::open(path)?.views {
@@ -65,7 +71,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bar = progress(packets.len(), "decoding");
     let (mut failed, mut foreign, mut other, mut missing) = (0, 0, 0, 0);
     for path in &packets {
-        match decode(&mut decoder, path, args) {
+        match decode(&mut decoder, updates.as_mut(), path, args) {
             Ok(decoded) => {
                 other += usize::from(decoded.same_render == Some(false));
                 missing += usize::from(decoded.missing_update.is_some());
@@ -78,12 +84,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 foreign += usize::from(is_foreign(&error));
             }
         }
-        if let Err(error) = updates.take(&mut decoder, path) {
+        let taken = updates.as_mut().map_or(Ok(()), |updates| updates.after(&mut decoder, path));
+        if let Err(error) = taken {
             bar.suspend(|| eprintln!("{error:#}"));
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
+    if let Some(updates) = &mut updates {
+        updates.finish(&mut decoder)?;
+    }
     if failed > NAMED {
         eprintln!("and {} more", failed - NAMED);
     }
@@ -102,35 +112,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.device.check(&engine)?;
     anyhow::ensure!(failed == 0, "{failed} of {} packets could not be decoded", packets.len());
     Ok(())
-}
-
-/// The updates of a run: their folder, and the names that are there.
-struct Updates(Vec<PathBuf>);
-
-impl Updates {
-    /// Those beside the packets, or in the folder that was given.
-    fn of(args: &Args, packets: &[PathBuf]) -> Updates {
-        let folder = args.updates.as_ref().unwrap_or(&args.packets);
-        let path = |packet: &PathBuf| {
-            let name = packet.with_extension("nvsu").file_name().map(|name| folder.join(name));
-            name.filter(|path| path.exists())
-        };
-        Updates(packets.iter().filter_map(path).collect())
-    }
-
-    fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// Gives the decoder the update that was sent after a packet, if there is one.
-    fn take(&self, decoder: &mut Decoder, packet: &Path) -> anyhow::Result<()> {
-        let stem = packet.file_stem();
-        let Some(path) = self.0.iter().find(|path| path.file_stem() == stem) else { return Ok(()) };
-        let named = || path.display().to_string();
-        let bytes = std::fs::read(path).with_context(named)?;
-        decoder.add_update(&bytes).with_context(named)?;
-        Ok(())
-    }
 }
 
 /// Packets that are named if they cannot be decoded.
@@ -156,10 +137,20 @@ fn if_foreign(scene: &Scene) -> String {
     )
 }
 
-fn decode(decoder: &mut Decoder, path: &Path, args: &Args) -> anyhow::Result<Decoded> {
+fn decode(
+    decoder: &mut Decoder,
+    updates: Option<&mut Updates>,
+    path: &Path,
+    args: &Args,
+) -> anyhow::Result<Decoded> {
+    let packet = std::fs::read(path)?;
+    let taken = updates.map_or(Ok(()), |updates| updates.before(decoder, &packet));
+    if let Err(error) = taken {
+        eprintln!("{error:#}");
+    }
     let trust = if args.joined { Trust::Start } else { Trust::Whole };
     let mut decoded = Decoded::default();
-    decoder.decode_into(&std::fs::read(path)?, trust, &mut decoded)?;
+    decoder.decode_into(&packet, trust, &mut decoded)?;
     if let Some(damage) = &decoded.damage {
         eprintln!("{}: {damage}; the render alone is written", path.display());
     }

@@ -18,6 +18,7 @@ use nvsprior_inputs::values::{self, OutputError};
 
 use crate::sheet::{self, SheetRow};
 use crate::summary::{self, Row};
+use crate::updates::DiveFile;
 
 /// Encode the frames of a camera file to packets
 ///
@@ -208,6 +209,7 @@ fn check_outputs(args: &Args) -> Result<(), OutputError> {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let frames = args.input.frames()?;
     check_times(&frames)?;
+    args.learn.check(&frames)?;
     check_outputs(args)?;
     let mode = args.mode.mode(false)?;
     let interest = args.interest.interest(&frames[0].camera)?;
@@ -230,21 +232,21 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
     encoder.set_interest(interest);
-    args.learn.begin(&mut encoder)?;
+    let mut dive_file = args.learn.begin(&mut encoder, &args.packets)?;
     if args.input.starts == "none" {
         render_key_frames(&mut encoder)?;
     }
     let bar = progress(frames.len(), "encoding");
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());
     for frame in &frames {
-        let (row, picture) = encode(args, &mut encoder, frame)?;
+        let (row, picture) = encode(args, &mut encoder, dive_file.as_mut(), frame)?;
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
     }
     bar.finish_and_clear();
     summary::print(&rows);
-    args.learn.print(&encoder);
+    learn::print(&encoder);
     if let Some(path) = &args.summary {
         summary::write(path, &rows)?;
     }
@@ -272,13 +274,14 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
 fn encode(
     args: &Args,
     encoder: &mut Encoder,
+    dive_file: Option<&mut DiveFile>,
     input: &Input,
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
     let (frame, encoded) = input.encode(encoder)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;
-    let update_bytes = args.learn.write_update(encoder, &packet)?;
+    let update_bytes = learn::write_update(encoder, dive_file, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
         frame_file::write_png(&path, &encoded.picture)?;

@@ -1,5 +1,6 @@
-//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need; what is in an update.
+//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need; what is in updates.
 
+mod chain;
 mod study;
 mod update;
 
@@ -8,21 +9,22 @@ use std::path::PathBuf;
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::PartSource;
-use nvsprior::prior::update::MAGIC;
+use nvsprior::prior::update::{CHAIN_MAGIC, MAGIC};
 
 use crate::key_frames;
 use crate::mission::MissionArgs;
+use crate::record::{self, Row};
 use crate::row;
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
 
 /// Print what is in a prior, and which parts are left out because no picture shows them
 ///
-/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it. Of an
-/// update, print what it adds and where.
+/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it. Of
+/// updates, print what they add and where.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene, .ply, .nvsg, .spz or .compressed.ply, or an update, .nvsu; the content tells the format
+    /// The trained scene, .ply, .nvsg, .spz or .compressed.ply, or updates, .nvsu; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]
@@ -42,13 +44,15 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let bytes = Prior::read_file(&args.prior)?;
-    if bytes.starts_with(MAGIC) {
+    let [update, chain] = [MAGIC, CHAIN_MAGIC].map(|magic| bytes.starts_with(magic));
+    if update || chain {
         anyhow::ensure!(args.cameras.is_none(), "--cameras goes with a prior, not with an update");
-        return update::print(&args.prior);
+        return if chain { chain::print(&args.prior) } else { update::print(&args.prior) };
     }
     let prior = Prior::from_file(&args.prior, bytes, &args.overrides.overrides())?;
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
+    print_learnt(&record::open_beside(&args.prior, &prior)?);
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
 }
 
@@ -85,6 +89,18 @@ fn describe(args: &Args, prior: &Prior) {
     row("preprocessing", prior.preprocessing().to_string());
     for comment in &report.comments {
         row("comment", comment.clone());
+    }
+}
+
+/// What the prior has learnt since it was mapped.
+fn print_learnt(rows: &[Row]) {
+    let updates = rows.iter().filter(|row| row.update.is_some());
+    let (updates, bytes) = (updates.clone().count(), updates.map(|row| row.bytes).sum::<usize>());
+    if !rows.is_empty() {
+        row("learnt", format!("in {updates} updates of {bytes} bytes:"));
+    }
+    for learnt in rows {
+        row(&format!("dive {}", learnt.dive), format!("{}: {learnt}", learnt.name()));
     }
 }
 

@@ -12,7 +12,7 @@ use nvsprior::prior::{
 };
 use nvsprior::{Camera, Pose, Prior};
 
-use crate::row;
+use crate::{record, row};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
@@ -90,8 +90,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     anyhow::ensure!(!key_frames.is_empty(), "{name}: {}", nothing(args.cover));
     let content = kind.content(&bytes, &prior, key_frames)?;
     replace_file(&out, &content)?;
-    if let (Some(tables), Kind::Ply | Kind::Compact) = (&tables, kind) {
-        tables_file::save(tables, &tables_file::path_beside(&out))?;
+    if let Kind::Ply | Kind::Compact = kind {
+        record::carry((&args.prior, &prior), &out)?;
+        if let Some(tables) = &tables {
+            tables_file::save(tables, &tables_file::path_beside(&out))?;
+        }
     }
     let prior = if tables.is_some() { prior.with_coder_tables(tables) } else { prior };
     if let Some(views) = &views {

@@ -14,12 +14,14 @@ mod map;
 mod merge;
 mod mission;
 mod picture_renderer;
+mod record;
 mod render;
 mod sheet;
 mod split;
 mod summary;
 mod tables;
 mod trim;
+mod updates;
 mod view_set;
 
 use std::process::ExitCode;

@@ -1,6 +1,7 @@
 //! `nvsprior map`: a prior trained on the device from the posed pictures of a mapping run.
 
 mod course;
+mod from;
 mod inputs;
 mod memory;
 mod report;
@@ -10,18 +11,21 @@ mod structure;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::replace_file;
-use nvsprior::{Camera, Engine, Prior};
+use nvsprior::{Camera, Engine, Prior, RenderOptions};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
 use nvsprior_lab::bench::median;
 use nvsprior_train::mapper::{MapOptions, Mapper};
 
-use crate::container::Container;
+use crate::beside;
+use crate::container::{Container, FINENESS};
 use crate::key_frames;
 use crate::picture_renderer::PictureRenderer;
 use course::{Budget, Course};
+use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
 use report::Report;
 use saved::Saved;
@@ -32,21 +36,23 @@ use structure::StructureArgs;
 /// 3D Gaussian Splatting on any Vulkan device, by the renderer that will draw the prior: the splats of a fixed budget
 /// move to where pictures need them (3DGS-MCMC). Progress shows PSNR on pictures that are held out. The state is saved
 /// now and then beside the prior (OUT.training): the same command with --resume goes on from there, to the same prior.
-/// For pictures without poses (PICTURES in place of --cameras), COLMAP is run first.
+/// For pictures without poses (PICTURES in place of --cameras), COLMAP is run first. --from goes on with a prior, by
+/// the pictures of a later dive.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     structure: StructureArgs,
     #[command(flatten)]
     inputs: InputArgs,
-    /// Most splats
-    #[arg(long, value_name = "N", default_value_t = 40_000,
-        value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
-    splats: u32,
-    /// Degree of the spherical harmonics: how much colours may depend on the direction
-    #[arg(long, value_name = "0-3", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=3))]
-    sh_degree: u32,
-    /// Steps, each towards one picture [default: 8000]
+    #[command(flatten)]
+    from: FromArgs,
+    /// Most splats [default: 40000; with --from a tenth more than that prior has]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
+    splats: Option<u32>,
+    /// Degree of the spherical harmonics: how much colours may depend on the direction [default: 1]
+    #[arg(long, value_name = "0-3", value_parser = clap::value_parser!(u32).range(0..=3))]
+    sh_degree: Option<u32>,
+    /// Steps, each towards one picture [default: 8000; with --from 600]
     #[arg(long, value_name = "N", conflicts_with = "minutes",
         value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     iterations: Option<u32>,
@@ -92,18 +98,17 @@ fn minutes(text: &str) -> Result<f64, String> {
     if value <= 100_000.0 { Ok(value) } else { Err("must lie between 0 and 100,000".into()) }
 }
 
-/// Steps of a compact prior's quantisation, as multiples of the usual ones, which cost bytes of every packet
-/// (docs/decisions.md, 14).
-const FINENESS: f32 = 0.25;
 /// Steps if neither their number nor a time is given.
 const ITERATIONS: u32 = 8_000;
 
 impl Args {
-    fn options(&self) -> MapOptions {
+    /// `from`: the prior that the training goes on with.
+    fn options(&self, from: Option<&Prior>) -> MapOptions {
+        let new = MapOptions::default();
         let mut options = MapOptions {
-            render: self.overrides.overrides().over(MapOptions::default().render),
-            splats: self.splats,
-            sh_degree: self.sh_degree,
+            render: self.overrides.overrides().over(new.render),
+            splats: self.splats.unwrap_or(new.splats),
+            sh_degree: self.sh_degree.unwrap_or(new.sh_degree),
             exposure: self.exposure,
             correct_poses: self.correct_poses,
             seed: self.seed,
@@ -111,20 +116,25 @@ impl Args {
         };
         options.schedule.ssim = self.ssim;
         options.schedule.knee = self.knee;
-        options
+        match from {
+            Some(prior) => self.from.options(prior, self.splats, options),
+            None => options,
+        }
     }
 
-    fn budget(&self) -> Budget {
+    fn budget(&self, from: Option<&Prior>) -> Budget {
+        let usual = if from.is_some() { from::ITERATIONS } else { ITERATIONS };
         match self.minutes {
             Some(minutes) => Budget::Seconds(60.0 * minutes),
-            None => Budget::Iterations(self.iterations.unwrap_or(ITERATIONS)),
+            None => Budget::Iterations(self.iterations.unwrap_or(usual)),
         }
     }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let container = Container::of(&args.out, Quantisation::default().scaled(FINENESS))?;
-    let options = args.options();
+    let from = args.from.prior(&args.overrides)?;
+    let options = args.options(from.as_ref());
     options.render.check()?;
     saved::check_out(&args.out)?;
     if let Some(folder) = &args.report {
@@ -132,34 +142,79 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     args.inputs.check()?;
     let engine = args.device.open()?;
-    let preprocessing = args.inputs.preprocessing();
+    let own = || args.inputs.preprocessing();
+    let preprocessing = from.as_ref().map_or_else(own, |prior| *prior.preprocessing());
     let found = args.structure.find(&args.out, args.inputs.masks())?;
     let listed = args.inputs.list(found)?;
-    memory::check(&engine, &listed, &options)?;
-    let MapInputs { train, held_out, points } = args.inputs.read(listed)?;
-    let fingerprint = inputs::fingerprint(&train, &points, &options, &args.budget());
-    let mut mapper = Mapper::new(&engine, train, &points, &options)?;
+    memory::check(&engine, &listed, &options, from.is_some())?;
+    let inputs = args.inputs.read(listed, &preprocessing)?;
+    let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
+    let how = (&options.render, &preprocessing);
+    let prior = write(args, from.as_ref(), container, &mapper, how)?;
+    let forward = forward_seconds(&engine, &prior, &mapper)?;
+    report.finish(&mut mapper, prior.len(), forward)?;
+    args.device.check(&engine)
+}
+
+/// Trains until the budget is used up.
+fn train(
+    args: &Args,
+    engine: &Engine,
+    from: Option<&Prior>,
+    options: &MapOptions,
+    inputs: MapInputs,
+) -> anyhow::Result<(Mapper, Report)> {
+    let MapInputs { train, held_out, points } = inputs;
+    let mut report = Report::new(args.report.as_deref(), held_out);
+    let budget = args.budget(from);
+    let save_every = Duration::from_secs(args.save_every.into());
+    if let Some(prior) = from {
+        let memory = args.from.memory(engine, prior, &args.inputs, &train)?;
+        let mut mapper = Mapper::going_on(engine, prior, train, memory, options)?;
+        // It is short: no state is saved.
+        Course { budget, save: &|_| Ok(()), save_every }.run(&mut mapper, &mut report)?;
+        return Ok((mapper, report));
+    }
+    let fingerprint = inputs::fingerprint(&train, &points, options, &budget);
+    let mut mapper = Mapper::new(engine, train, &points, options)?;
     let saved = Saved::beside(&args.out, fingerprint);
     if args.resume {
         saved.resume(&mut mapper)?;
     }
     let save = |mapper: &Mapper| saved.save(mapper);
-    let mut report = Report::new(args.report.as_deref(), held_out);
-    let save_every = Duration::from_secs(args.save_every.into());
-    Course { budget: args.budget(), save: &save, save_every }.run(&mut mapper, &mut report)?;
+    Course { budget, save: &save, save_every }.run(&mut mapper, &mut report)?;
+    Ok((mapper, report))
+}
+
+/// Writes the prior, and what is known of it beside it.
+fn write(
+    args: &Args,
+    from: Option<&Prior>,
+    container: Container,
+    mapper: &Mapper,
+    (render, preprocessing): (&RenderOptions, &Preprocessing),
+) -> anyhow::Result<Prior> {
     let splats = mapper.splats()?;
-    let cameras = mapper.views().iter().map(|view| view.camera);
-    let views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
-    let key_frames = key_frames::of_run(&splats, options.render.near, &views)?;
-    let bytes = container.write(&splats, &options.render, &key_frames, None, &preprocessing)?;
+    let cameras = mapper.views()[..mapper.pictures()].iter().map(|view| view.camera);
+    let mut views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
+    let tables = from.and_then(|prior| prior.coder_tables());
+    if let Some(prior) = from {
+        let camera = views[0].0;
+        views.extend(prior.key_frames().poses().iter().map(|pose| (camera, *pose)));
+        beside::place_tables(prior, container, &args.out)?;
+    }
+    let key_frames = key_frames::of_run(&splats, render.near, &views)?;
+    let tables = tables.map(AsRef::as_ref);
+    let bytes = container.write(&splats, render, &key_frames, tables, preprocessing)?;
     replace_file(&args.out, &bytes)?;
-    // A prior is there: what was saved on the way to it is not needed any more.
-    saved.remove()?;
     let prior = Prior::open(&args.out, &Default::default())?;
-    let forward = forward_seconds(&engine, &prior, &mapper)?;
-    report.finish(&mut mapper, prior.len(), forward)?;
+    match from {
+        Some(before) => args.from.record(before, mapper.pictures(), (&args.out, &prior))?,
+        // A prior is there: what was saved on the way to it is not needed any more.
+        None => saved::remove(&args.out)?,
+    }
     println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
-    args.device.check(&engine)
+    Ok(prior)
 }
 
 /// Seconds of a forward render of the prior, the median of some.

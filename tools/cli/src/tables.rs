@@ -4,7 +4,7 @@ mod gain;
 
 use std::path::{Path, PathBuf};
 
-use crate::row;
+use crate::{record, row};
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::{PriorFormat, compact, replace_file, tables_file};
@@ -67,6 +67,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let tables = train(&run.learned, args.rounds as usize);
     let content = kind.content(&bytes, &tables)?;
     replace_file(&out, &content)?;
+    if let Kind::Compact = kind {
+        record::carry((path, &prior), &out)?;
+    }
     run.print();
     gain::print(&run.held_out, &tables);
     row("written", format!("{}, {} bytes", out.display(), content.len()));

@@ -10,11 +10,11 @@ use nvsprior::{Camera, Pose, Prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
 
-use crate::beside;
 use crate::container::Container;
 use crate::mission::{self, Mission, MissionArgs};
 use crate::picture_renderer::PictureRenderer;
 use crate::sheet::{self, SheetRow};
+use crate::{beside, record};
 use judge::{Bench, Loss};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
@@ -115,6 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;
     let bytes = bench.save(&splats)?;
+    record::carry((&args.prior, &prior), &args.out)?;
     let reduced = Prior::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();
     bench.print(&reduced, size, bytes as u64)?;

@@ -28,28 +28,9 @@ pub(crate) struct Fit<'a> {
     extent: f64,
 }
 
-/// The course of a fit: at `pace` times the rates of a new training, all of which fall to a tenth.
+/// The course of a fit: rates fall to a tenth, and all errors count by their squares, as in a PSNR.
 fn schedule(pace: f32) -> Schedule {
-    let new = Schedule::default();
-    Schedule {
-        position: pace * new.position,
-        position_end: 0.1,
-        others_end: 0.1,
-        others_until: 0.0,
-        log_scale: pace * new.log_scale,
-        rotation: pace * new.rotation,
-        opacity: pace * new.opacity,
-        sh_first: pace * new.sh_first,
-        sh_others: pace * new.sh_others,
-        // All errors count by their squares, as in a PSNR.
-        ssim: 0.0,
-        knee: 1.0,
-        opacity_pull: 0.0,
-        scale_pull: 0.0,
-        noise: 0.0,
-        degree_every: 0,
-        ..new
-    }
+    Schedule { ssim: 0.0, knee: 1.0, ..Schedule::further(pace, 0.1) }
 }
 
 impl<'a> Fit<'a> {

@@ -8,10 +8,10 @@ use glam::DVec3;
 use nvsprior::render::Plan;
 use nvsprior::render::training::{Fits, Shortage};
 use nvsprior::vulkan::DeviceInfo;
-use nvsprior::{Engine, Picture, Pose};
+use nvsprior::{Engine, Picture, Pose, Prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{
-    ColouredPoint, MapError, MapOptions, Mapper, read_state, write_state,
+    ColouredPoint, MapError, MapOptions, Mapper, Schedule, read_state, write_state,
 };
 
 const STEPS: u32 = 1200;
@@ -281,4 +281,61 @@ fn what_does_not_fit_is_refused_with_what_would() {
         let error = Mapper::new(&engine, views, &points, &large).map(|_| ()).unwrap_err();
         assert!(matches!(error, MapError::NoRoom(_)), "{error}");
     }
+}
+
+/// Views of a prior, turned to the right (or left) so that they share little with those turned the other way.
+fn turned_views(
+    engine: &Engine,
+    prior: &Prior,
+    seeds: std::ops::Range<u64>,
+    turn: f64,
+) -> Vec<PosedPicture> {
+    let camera = common::camera(72, 52);
+    let scene = engine.upload(prior).unwrap();
+    let mut renderer = engine.renderer(&scene, &camera, Plan::picture()).unwrap();
+    let view = |seed: u64| {
+        let turned = Pose::exp(&[0.0, 0.0, 0.0, 0.0, turn, 0.0]);
+        let pose = common::random_pose(seed);
+        let pose = Pose {
+            rotation: turned.rotation * pose.rotation,
+            translation: turned.rotation * pose.translation,
+        };
+        let mut picture = Picture::new(camera.width, camera.height);
+        renderer.picture(&pose, &mut picture).unwrap();
+        PosedPicture::new(camera, pose, picture)
+    };
+    seeds.map(view).collect()
+}
+
+#[test]
+fn going_on_learns_what_is_new_and_keeps_what_is_not_shown() {
+    const STEPS: u32 = 300;
+    let engine = common::engine();
+    let prior = common::random_prior(5, 300, 0);
+    // Each third splat to the right is gone.
+    let mut changed = prior.splats().clone();
+    for i in (0..changed.len()).filter(|i| i % 3 == 0 && prior.splats().positions[*i][0] > 0.0) {
+        changed.opacity_logits[i] = -9.0;
+    }
+    let now = Prior::from_splats(changed, *prior.options()).unwrap();
+    let (right, left) = (-0.5, 0.5);
+    let pictures = turned_views(&engine, &now, 0..12, right);
+    let held_out = turned_views(&engine, &now, 20..26, right);
+    let elsewhere = turned_views(&engine, &prior, 30..36, left);
+    let options = MapOptions { splats: 330, schedule: Schedule::further(0.5, 0.1), ..options() };
+    let trained = |memory: Vec<PosedPicture>| {
+        let pictures = pictures.clone();
+        let mut mapper = Mapper::going_on(&engine, &prior, pictures, memory, &options).unwrap();
+        let start = [&held_out, &elsewhere].map(|views| psnr_of(&mut mapper, views));
+        while mapper.steps() < STEPS {
+            mapper.step(f64::from(mapper.steps()) / f64::from(STEPS)).unwrap();
+        }
+        (start, [&held_out, &elsewhere].map(|views| psnr_of(&mut mapper, views)))
+    };
+    let (before, with) = trained(turned_views(&engine, &prior, 10..22, left));
+    let (_, without) = trained(Vec::new());
+    assert!(with[0] > before[0] + 5.0, "what is new: {} dB before, {} after", before[0], with[0]);
+    assert!(with[1] > 30.0, "what is not shown: {} dB before, {} after", before[1], with[1]);
+    assert!(with[1] > without[1] + 3.0, "{} dB with memory, {} without", with[1], without[1]);
+    common::assert_silent(&engine);
 }

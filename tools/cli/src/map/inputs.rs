@@ -171,14 +171,14 @@ impl InputArgs {
         }
     }
 
-    /// Reads the pictures, and writes them as they are trained on, if that is wanted.
-    pub fn read(&self, listed: Listed) -> anyhow::Result<MapInputs> {
+    /// Reads the pictures and treats them, and writes them as they are trained on, if that is wanted.
+    pub fn read(&self, listed: Listed, preprocessing: &Preprocessing) -> anyhow::Result<MapInputs> {
         let Listed { train, held_out, points, size } = listed;
         let bar = progress(train.len() + held_out.len(), "pictures");
         let writer = self.undistorted.as_deref().map(RunWriter::new);
         let split = self.split.as_deref().unwrap_or(TRAIN);
         let read = |split: &str, input: &PosedInput| {
-            let read = self.read_one(&size, writer.as_ref(), split, input);
+            let read = self.read_one(&size, (writer.as_ref(), split), preprocessing, input);
             bar.inc(1);
             read
         };
@@ -201,12 +201,26 @@ impl InputArgs {
         Ok(MapInputs { train, held_out: held_out.collect(), points })
     }
 
+    /// Reads the pictures of another list, at most so many, evenly spread, brought to the size of a camera.
+    pub fn read_others(
+        &self,
+        cameras: &Path,
+        most: usize,
+        size: &Camera,
+        preprocessing: &Preprocessing,
+    ) -> anyhow::Result<Vec<PosedPicture>> {
+        let listed = posed_pictures(cameras, &PosedOptions::default())?;
+        let read = |input| Ok(self.read_one(size, (None, TRAIN), preprocessing, input)?.view);
+        let every = listed.inputs.len().div_ceil(most).max(1);
+        listed.inputs.par_iter().step_by(every).map(read).collect()
+    }
+
     /// Reads a picture, and brings it to the size of all.
     fn read_one(
         &self,
         size: &Camera,
-        writer: Option<&RunWriter>,
-        split: &str,
+        (writer, split): (Option<&RunWriter>, &str),
+        preprocessing: &Preprocessing,
         input: &PosedInput,
     ) -> anyhow::Result<Read> {
         // Pictures of one lens share a size; others are brought to it.
@@ -218,7 +232,7 @@ impl InputArgs {
             Ok::<_, RunWriterError>(RunView { file, split: split.into(), camera, pose, time: None })
         };
         let written = writer.map(write).transpose()?;
-        Preprocessor::new(&self.preprocessing()).apply(&mut picture);
+        Preprocessor::new(preprocessing).apply(&mut picture);
         let mask = mask.data.contains(&false).then_some(mask.data);
         Ok(Read { view: PosedPicture { camera, pose, picture, mask }, written })
     }

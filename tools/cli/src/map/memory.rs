@@ -6,6 +6,7 @@ use nvsprior_kernels::training::planes;
 use nvsprior_train::mapper::MapOptions;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
+use super::from::CANDIDATES;
 use super::inputs::Listed;
 
 /// Sets of parameters on the host when a state is saved: three sets of planes as numbers, and as bytes.
@@ -14,6 +15,9 @@ const SETS: u64 = 6;
 const DECODED: u64 = 12;
 /// Bytes of a pixel of a picture: as it was read, its mask, and as the loss reads it.
 const PIXEL: u64 = 3 + 1 + 4;
+/// Bytes of a pixel of a picture that a training goes on with: of the views of which those that are remembered are
+/// chosen, then of one as it was, as it is trained on, and what has changed.
+const REMEMBERED: u64 = 4 * CANDIDATES as u64 + 4 + PIXEL + 4;
 /// Bytes of a point: as it was read, and as training takes it.
 const POINT: u64 = 120;
 
@@ -49,15 +53,18 @@ struct HostMemory {
 }
 
 impl HostMemory {
-    fn of(listed: &Listed, options: &MapOptions) -> HostMemory {
+    /// `goes_on`: with a prior, of which views are remembered.
+    fn of(listed: &Listed, options: &MapOptions, goes_on: bool) -> HostMemory {
         let count = (listed.train.len() + listed.held_out.len()) as u64;
         let numbers = 4 * u64::from(options.splats) * u64::from(planes(options.sh_degree));
+        let pixels = listed.size.pixels() as u64;
+        let remembered = if goes_on { listed.train.len() as u64 * REMEMBERED } else { 0 };
         let at_once = rayon::current_num_threads() as u64;
         HostMemory {
             count,
             size: [listed.size.width, listed.size.height],
             splats: options.splats,
-            by_pictures: count * PIXEL * listed.size.pixels() as u64,
+            by_pictures: (count * PIXEL + remembered) * pixels,
             by_splats: SETS * numbers,
             rest: at_once * DECODED * listed.largest() + POINT * listed.points.len() as u64,
         }
@@ -91,12 +98,18 @@ impl HostMemory {
     }
 }
 
-/// Says how much memory the training takes, at most. Refuses what the device or the host has no room for.
-pub fn check(engine: &Engine, listed: &Listed, options: &MapOptions) -> anyhow::Result<()> {
+/// Says how much memory the training takes, at most. Refuses what the device or the host has no room for. `goes_on`:
+/// with a prior.
+pub fn check(
+    engine: &Engine,
+    listed: &Listed,
+    options: &MapOptions,
+    goes_on: bool,
+) -> anyhow::Result<()> {
     let size = [listed.size.width, listed.size.height];
     let device = options.plan(size, Default::default()).memory(engine.device())?;
-    let host = HostMemory::of(listed, options);
-    describe(listed, &host, &device);
+    let host = HostMemory::of(listed, options, goes_on);
+    describe(listed, &host, &device, goes_on);
     let shared = engine.device().unified.then_some(device.peak);
     match total() {
         Some(total) => Ok(host.check(shared, total)?),
@@ -105,9 +118,10 @@ pub fn check(engine: &Engine, listed: &Listed, options: &MapOptions) -> anyhow::
 }
 
 /// What is trained, and in how much memory.
-fn describe(listed: &Listed, host: &HostMemory, device: &TrainingMemory) {
+fn describe(listed: &Listed, host: &HostMemory, device: &TrainingMemory, goes_on: bool) {
     let Listed { train, held_out, points, size, .. } = listed;
     let points = match points.len() {
+        0 if goes_on => "a prior to go on with".to_owned(),
         0 => "no points: random ones".to_owned(),
         count => format!("{count} points"),
     };

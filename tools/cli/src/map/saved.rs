@@ -43,14 +43,14 @@ impl Saved {
         }
         Ok(())
     }
+}
 
-    /// Removes the state, once the prior is there.
-    pub fn remove(&self) -> anyhow::Result<()> {
-        match self.path.exists() {
-            true => std::fs::remove_file(&self.path)
-                .with_context(|| format!("removing {}", self.path.display())),
-            false => Ok(()),
-        }
+/// Removes the state, once the prior is there.
+pub fn remove(out: &Path) -> anyhow::Result<()> {
+    let path = beside(out, ".training");
+    match path.exists() {
+        true => std::fs::remove_file(&path).with_context(|| format!("removing {}", path.display())),
+        false => Ok(()),
     }
 }
 

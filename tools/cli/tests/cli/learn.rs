@@ -1,7 +1,7 @@
 //! `encode --learn`: a new object becomes updates, and `decode` finds them.
 
 use nvsprior::Prior;
-use nvsprior::prior::{Learnt, Update};
+use nvsprior::prior::{Learnt, Update, UpdateChain};
 use serde_json::Value;
 
 use crate::dive::Dive;
@@ -49,6 +49,16 @@ fn a_new_object_is_learnt_and_shown_on_both_sides() {
     for frame in 1..=FRAMES {
         assert!(picture("shown", frame) == picture("expected", frame), "frame {frame}");
     }
+    // Both sides keep the same, and it is enough to decode by.
+    let kept = UpdateChain::open(&dive.path("packets/dive.nvsu")).unwrap();
+    assert!(kept.left_out.is_none() && kept.chain.updates().contains(&update));
+    assert_eq!(dive.bytes("shown/dive.nvsu"), dive.bytes("packets/dive.nvsu"));
+    let decode = "decode --prior prior.nvsg --packets packets --frames by-chain";
+    dive.run(&format!("{decode} --updates packets/dive.nvsu")).ends_with(0);
+    for frame in 1..=FRAMES {
+        assert!(picture("by-chain", frame) == picture("expected", frame), "frame {frame}");
+    }
+    assert_eq!(dive.bytes("by-chain/dive.nvsu"), dive.bytes("packets/dive.nvsu"));
     // Without the updates it says which pictures are not the vehicle's.
     std::fs::create_dir(dive.path("none")).unwrap();
     let decode = "decode --prior prior.nvsg --packets packets --frames alone --updates none";
@@ -59,6 +69,40 @@ fn a_new_object_is_learnt_and_shown_on_both_sides() {
     // The same frames give the same updates.
     dive.run(&format!("{ENCODE} --packets again")).ends_with(0);
     assert_eq!(dive.bytes(&name.replace("packets", "again")), dive.bytes(&name));
+    goes_on(&dive, &frames[0]);
+}
+
+/// The next dive begins with what both sides kept of the first one.
+fn goes_on(dive: &Dive, first: &Value) {
+    let learnt = "--learnt packets/dive.nvsu";
+    let files = "--packets next --summary next.json --frames-out next-expected --limit 2";
+    let encode = ENCODE.replace(" --learn", "");
+    dive.run(&format!("{encode} {learnt} {files}")).ends_with(0);
+    let summary = dive.json("next.json");
+    assert!(number(&summary["frames"][0], "bytes") < 0.9 * number(first, "bytes"), "{summary}");
+    // The chain goes on from there; nothing is new within two frames.
+    assert_eq!(dive.bytes("next/dive.nvsu"), dive.bytes("packets/dive.nvsu"));
+    let decode = "decode --prior prior.nvsg --packets next --frames next-shown";
+    dive.run(&format!("{decode} {learnt}")).ends_with(0);
+    for frame in ["0001.png", "0002.png"] {
+        let [shown, expected] = ["next-shown", "next-expected"].map(|f| format!("{f}/{frame}"));
+        assert!(dive.picture(&shown) == dive.picture(&expected), "{frame}");
+    }
+    // What another dive left is kept, too.
+    std::fs::write(dive.path("next/dive.nvsu"), "an earlier one").unwrap();
+    let run = dive.run(&format!("{encode} {learnt} {files}")).ends_with(0);
+    run.says("next/dive.nvsu: of an earlier dive; it is now next/dive.nvsu.before");
+    assert_eq!(dive.bytes("next/dive.nvsu.before"), b"an earlier one");
+    assert_eq!(dive.bytes("next/dive.nvsu"), dive.bytes("packets/dive.nvsu"));
+    // What is no updates is refused.
+    let wrong = |path: &str, says: &str| {
+        dive.run(&format!("{decode} --updates {path}")).ends_with(1).says(says);
+    };
+    wrong("none-there", "none-there: ");
+    wrong("next/0001.nvsp", "next/0001.nvsp: --updates takes a folder, or a dive.nvsu");
+    // Updates of another prior are refused.
+    let run = dive.run(&format!("{encode} {learnt} {files}").replace("prior.nvsg", "prior.ply"));
+    run.ends_with(1).says("packets/dive.nvsu: an update of prior ");
 }
 
 #[test]

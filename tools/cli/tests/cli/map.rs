@@ -6,6 +6,7 @@ use nvsprior::Prior;
 use serde_json::{Value, json};
 
 use crate::dive::Dive;
+use crate::study::row;
 
 const MAP: &str = "map --cameras cameras.json --split dive --splats 400 --iterations 60";
 
@@ -112,5 +113,60 @@ fn wrong_arguments_and_files_are_named_before_any_work() {
     cameras["images"][2]["tvec"] = json!(["nan", 0.0, 0.0]);
     dive.write_json("cameras.json", &cameras);
     dive.run(&format!("{MAP} --out a.ply")).ends_with(1).says("cameras.json");
+    assert!(!dive.path("a.ply").exists());
+}
+
+const FROM: &str = "map --from prior.ply --cameras cameras.json --split dive --iterations 60";
+
+#[test]
+fn a_prior_goes_on_with_the_pictures_of_a_later_dive() {
+    let dive = Dive::new();
+    let before = Prior::open(&dive.path("prior.ply"), &Default::default()).unwrap();
+    let run = dive.run(&format!("{FROM} --out a.nvsg --report report")).ends_with(0);
+    run.says("a prior to go on with");
+    let report = dive.json("report/report.json");
+    assert_eq!(report["iterations"], 60);
+    // As many steps from nothing lead nowhere near.
+    let new = MAP.replace("--splats 400", "--splats 4800");
+    dive.run(&format!("{new} --out new.ply --report new")).ends_with(0);
+    let nothing = dive.json("new/report.json");
+    let psnr = |report: &Value| report["held_out_psnr"].as_f64().unwrap();
+    assert!(psnr(&report) > psnr(&nothing) + 5.0, "{report}, from nothing {nothing}");
+    let after = Prior::open(&dive.path("a.nvsg"), &Default::default()).unwrap();
+    assert_eq!(after.options(), before.options());
+    assert_eq!(after.splats().sh_degree, before.splats().sh_degree);
+    assert!((before.len()..=before.len() * 11 / 10).contains(&after.len()), "{}", after.len());
+    assert!(!after.key_frames().is_empty());
+    // The same input, the same bytes. It has key frames now, of which views are remembered.
+    dive.run(&format!("{FROM} --out b.nvsg")).ends_with(0);
+    assert_eq!(dive.bytes("a.nvsg"), dive.bytes("b.nvsg"));
+    let second = FROM.replace("prior.ply", "a.nvsg");
+    dive.run(&format!("{second} --out c.ply --dive second")).ends_with(0);
+    let text = dive.run("inspect c.ply").ends_with(0).stdout;
+    assert!(row(&text, "dive 1").starts_with("map: trained on 3 pictures"), "{text}");
+    assert!(row(&text, "dive second").starts_with("map: trained on 3 pictures"), "{text}");
+    // Earlier pictures in place of its views.
+    dive.run(&format!("{FROM} --earlier cameras.json --out d.nvsg")).ends_with(0);
+    assert_ne!(dive.bytes("a.nvsg"), dive.bytes("d.nvsg"));
+}
+
+#[test]
+fn what_does_not_go_with_a_prior_is_refused() {
+    let dive = Dive::new();
+    for (args, code, named) in [
+        ("--resume", 2, "--resume"),
+        ("--sh-degree 2", 2, "--sh-degree"),
+        ("--points points.ply", 2, "--points"),
+        ("--white-balance", 2, "--white-balance"),
+        ("--clahe", 2, "--clahe"),
+        ("--splats 3", 1, "option splats = 3 is out of range: at least as many as the prior has"),
+        ("--earlier none.json", 1, "none.json"),
+        ("--dive a,b", 2, "--dive"),
+    ] {
+        dive.run(&format!("{FROM} --out a.ply {args}")).ends_with(code).says(named);
+    }
+    dive.run(&format!("{MAP} --earlier cameras.json --out a.ply")).ends_with(2).says("--from");
+    let absent = FROM.replace("prior.ply", "none.ply");
+    dive.run(&format!("{absent} --out a.ply")).ends_with(1).says("none.ply");
     assert!(!dive.path("a.ply").exists());
 }

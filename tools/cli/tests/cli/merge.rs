@@ -1,6 +1,6 @@
 //! `nvsprior merge`, and what `inspect` says of an update.
 
-use nvsprior::prior::{Change, Learnt, NewSplat, Update, UpdateGrid};
+use nvsprior::prior::{Change, Learnt, NewSplat, Update, UpdateChain, UpdateGrid};
 use nvsprior::{Prior, PriorId};
 
 use crate::dive::Dive;
@@ -123,7 +123,9 @@ fn what_does_not_belong_together_is_refused_by_its_name() {
              add update 2 first"
         ),
     );
-    refused("prior.ply b.nvsu c.nvsu b.nvsu", "b.nvsu: update 1 stands on state ");
+    let twice = Update { frames: [1, 2], ..updates[0].clone() };
+    twice.save(&dive.path("twice.nvsu")).unwrap();
+    refused("prior.ply b.nvsu c.nvsu twice.nvsu", "twice.nvsu: update 1 stands on state ");
     let other = Update { before: second, ..updates[1].clone() };
     other.save(&dive.path("other.nvsu")).unwrap();
     refused(
@@ -167,4 +169,96 @@ fn inspect_says_what_an_update_holds() {
     dive.run("inspect a.nvsu --cameras cameras.json").ends_with(1).says("not with an update");
     std::fs::write(dive.path("a.nvsu"), "nvsu").unwrap();
     dive.run("inspect a.nvsu").ends_with(1).says("a.nvsu: truncated: ");
+}
+
+/// Writes the first updates as the chain that a side keeps.
+fn keep(dive: &Dive, updates: &[Update]) {
+    let mut chain = UpdateChain::none(updates[0].prior);
+    updates.iter().for_each(|update| chain.add(update.clone()).unwrap());
+    chain.save(&dive.path("dive.nvsu")).unwrap();
+}
+
+#[test]
+fn what_a_side_keeps_is_merged_as_its_updates_are() {
+    let Merge { dive, updates } = Merge::new();
+    dive.run("merge prior.ply a.nvsu b.nvsu c.nvsu --out next.ply").ends_with(0);
+    keep(&dive, &updates);
+    dive.run("merge prior.ply dive.nvsu --out kept.ply").ends_with(0);
+    assert_eq!(dive.bytes("kept.ply"), dive.bytes("next.ply"));
+    // A folder of a dive has both.
+    dive.run("merge prior.ply a.nvsu b.nvsu c.nvsu dive.nvsu --out both.ply").ends_with(0);
+    assert_eq!(dive.bytes("both.ply"), dive.bytes("next.ply"));
+    // Of a half-written one what came before is taken.
+    let bytes = dive.bytes("dive.nvsu");
+    std::fs::write(dive.path("dive.nvsu"), &bytes[..bytes.len() - 1]).unwrap();
+    let said = "dive.nvsu: update 3 and all after it are left out: truncated: ";
+    dive.run("merge prior.ply dive.nvsu --out two.ply").ends_with(0).says(said);
+    dive.run("merge prior.ply b.nvsu c.nvsu --out expected.ply").ends_with(0);
+    assert_eq!(dive.bytes("two.ply"), dive.bytes("expected.ply"));
+    let text = dive.run("inspect dive.nvsu").ends_with(0).stdout;
+    assert!(row(&text, "left out").contains("update 3 and all after it are left out"), "{text}");
+    // The missing one is found elsewhere.
+    dive.run("merge prior.ply dive.nvsu a.nvsu --out three.ply").ends_with(0);
+    assert_eq!(dive.bytes("three.ply"), dive.bytes("next.ply"));
+}
+
+#[test]
+fn inspect_says_what_a_chain_holds() {
+    let Merge { dive, updates } = Merge::new();
+    keep(&dive, &updates);
+    let text = dive.run("inspect dive.nvsu").ends_with(0).stdout;
+    let bytes: Vec<usize> = updates.iter().map(|update| bytes(update).len()).collect();
+    let state = updates[2].state();
+    assert_eq!(row(&text, "prior"), updates[0].prior.to_string());
+    assert_eq!(row(&text, "updates"), format!("3, which lead to state {state}"));
+    assert_eq!(row(&text, "bytes"), format!("{} of all updates", bytes.iter().sum::<usize>()));
+    assert_eq!(row(&text, "learnt"), "39 splats, 2 fades");
+    assert_eq!(
+        row(&text, "update 1"),
+        format!(
+            "frames 10 to 90, {} bytes: 40 splats new, 0 changed, 0 taken back, 1 fades; \
+             from (-0.500, -0.500, -9.000) to (1.250, 0.625, 9.062)",
+            bytes[0]
+        )
+    );
+    // Where the splats lie that are changed or taken back, too.
+    assert_eq!(
+        row(&text, "update 2"),
+        format!(
+            "frames 10 to 90, {} bytes: 1 splats new, 1 changed, 2 taken back, 0 fades; \
+             from (0.000, 0.000, -1.000) to (1.250, 0.469, -0.977)",
+            bytes[1]
+        )
+    );
+    dive.run("inspect dive.nvsu --cameras cameras.json").ends_with(1).says("not with an update");
+}
+
+#[test]
+fn a_merged_prior_says_what_it_has_learnt_on_which_dive() {
+    let Merge { dive, updates } = Merge::new();
+    dive.run("merge prior.ply b.nvsu --out one.nvsg").ends_with(0);
+    let text = dive.run("inspect one.nvsg").ends_with(0).stdout;
+    let size = bytes(&updates[0]).len();
+    assert_eq!(row(&text, "learnt"), format!("in 1 updates of {size} bytes:"));
+    let first = format!("update 1: frames 10 to 90, {size} bytes: 40 splats new, ");
+    assert!(row(&text, "dive 1").starts_with(&first), "{text}");
+    // The next dive begins with the merged prior. Its record goes on.
+    let id = open(&dive, "one.nvsg").id();
+    let second = Update { prior: id, before: id.into(), frames: [3, 4], ..updates[0].clone() };
+    second.save(&dive.path("second.nvsu")).unwrap();
+    dive.run("merge one.nvsg second.nvsu --out two.ply --dive 2026-11-26").ends_with(0);
+    let text = dive.run("inspect two.ply").ends_with(0).stdout;
+    assert!(row(&text, "learnt").starts_with("in 2 updates of "), "{text}");
+    assert!(row(&text, "dive 1").starts_with(&first), "{text}");
+    assert!(row(&text, "dive 2026-11-26").starts_with("update 1: frames 3 to 4, "), "{text}");
+    // A copy has it, too.
+    dive.run("key-frames two.ply --cover 9 --out copy.ply").ends_with(0);
+    assert_eq!(dive.bytes("copy.ply.learnt"), dive.bytes("two.ply.learnt"));
+    // Of another prior in its place the record says nothing.
+    std::fs::copy(dive.path("prior.ply"), dive.path("two.ply")).unwrap();
+    let run = dive.run("inspect two.ply").ends_with(0).says("two.ply.learnt: of prior ");
+    assert!(!run.stdout.contains("learnt"), "{}", run.stdout);
+    std::fs::write(dive.path("two.ply.learnt"), "dive,what").unwrap();
+    dive.run("inspect two.ply").ends_with(1).says("two.ply.learnt: no record");
+    dive.run("merge prior.ply b.nvsu --out one.ply --dive a,b").ends_with(2).says("--dive");
 }

@@ -6,6 +6,7 @@
 //! also if training is interrupted and goes on.
 
 mod exposure;
+mod memory;
 mod order;
 mod poses;
 mod relocate;
@@ -28,12 +29,14 @@ use nvsprior_kernels::training::planes;
 
 use crate::PosedPicture;
 pub use exposure::Exposure;
+use memory::{Memory, Now};
 pub(crate) use order::Order;
 use poses::PoseSteps;
 use relocate::{relocate, sort_by_size};
 pub use saved::{SavedError, read_state, write_state};
 pub(crate) use schedule::Progress;
 pub use schedule::Schedule;
+use splats::to_roomy_planes;
 pub(crate) use splats::{from_planes, to_planes};
 pub use start::ColouredPoint;
 use start::start;
@@ -140,6 +143,8 @@ pub struct Mapper {
     extent: f64,
     step: u32,
     alive: u32,
+    /// Which of the pictures are of a prior that the training goes on with.
+    memory: Option<Memory>,
 }
 
 impl Mapper {
@@ -152,11 +157,52 @@ impl Mapper {
     ) -> Result<Mapper, MapError> {
         check(&views, options)?;
         let (centre, extent) = volume(&views);
+        check_room(engine, &views, options)?;
+        let from = start(&views, points, options, centre, extent);
+        Mapper::of(engine, views, options, (centre, extent), from, None)
+    }
+
+    /// Goes on with a prior, by pictures of a later dive. `memory`: views of the prior as it was; at most as many as
+    /// there are pictures are trained on beside these, where they show what has not changed. The options' degree and
+    /// render options are the prior's. [`Mapper::state`] does not hold the memory: such a training cannot be resumed.
+    pub fn going_on(
+        engine: &Engine,
+        prior: &Prior,
+        mut views: Vec<PosedPicture>,
+        memory: Vec<PosedPicture>,
+        options: &MapOptions,
+    ) -> Result<Mapper, MapError> {
+        let options = MapOptions {
+            render: *prior.options(),
+            sh_degree: prior.splats().sh_degree,
+            ..options.clone()
+        };
+        check(&views, &options)?;
+        if prior.len() > options.splats as usize {
+            let value = options.splats.into();
+            let range = "at least as many as the prior has";
+            return Err(MapError::Option { name: "splats", value, range });
+        }
+        check_room(engine, &views, &options)?;
+        let memory = Memory::new(engine, prior, &mut views, memory)?;
+        check(&views, &options)?;
+        let (centre, extent) = volume(&views);
+        let planes = to_roomy_planes(prior.splats(), centre, options.splats as usize);
+        let from = (planes, prior.len() as u32);
+        Mapper::of(engine, views, &options, (centre, extent), from, Some(memory))
+    }
+
+    fn of(
+        engine: &Engine,
+        views: Vec<PosedPicture>,
+        options: &MapOptions,
+        (centre, extent): (DVec3, f64),
+        (parameters, alive): (Vec<f32>, u32),
+        memory: Option<Memory>,
+    ) -> Result<Mapper, MapError> {
         let camera = views[0].camera;
         let plan = options.plan([camera.width, camera.height], centre);
-        plan.memory(engine.device())?;
         let mut trainer = engine.trainer(&plan)?;
-        let (parameters, alive) = start(&views, points, options, centre, extent);
         let zero = vec![0.0; parameters.len()];
         trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero })?;
         let exposures = vec![Exposure::NONE; views.len()];
@@ -173,6 +219,7 @@ impl Mapper {
             extent,
             step: 0,
             alive,
+            memory,
         };
         mapper.undo_exposures();
         Ok(mapper)
@@ -211,13 +258,17 @@ impl Mapper {
     }
 
     fn fit_exposures(&mut self) -> Result<(), MapError> {
-        let views = self.views.iter().zip(&self.poses);
+        let new = self.pictures();
+        let views = self.views[..new].iter().zip(&self.poses);
         for ((view, pose), exposure) in views.zip(&mut self.exposures) {
             let mut render = Picture::new(view.camera.width, view.camera.height);
             self.trainer.picture(&view.camera, pose, &mut render)?;
             *exposure = Exposure::fit(&render, view);
         }
-        exposure::centre(&mut self.exposures);
+        // The views of a prior hold the scene's light.
+        if self.memory.is_none() {
+            exposure::centre(&mut self.exposures);
+        }
         self.undo_exposures();
         Ok(())
     }
@@ -225,7 +276,8 @@ impl Mapper {
     fn correct_poses(&mut self) -> Result<(), MapError> {
         let prior = Prior::from_splats(self.splats()?, self.options.render)?;
         let mut steps = PoseSteps::new(&self.engine, &prior)?;
-        let views = self.views.iter().zip(&self.exposures);
+        let new = self.pictures();
+        let views = self.views[..new].iter().zip(&self.exposures);
         for ((view, exposure), pose) in views.zip(&mut self.poses) {
             *pose = steps.step(view, &exposure.undone_picture(view), pose)?;
         }
@@ -242,11 +294,31 @@ impl Mapper {
         let mut state = self.trainer.state()?;
         let seed = self.options.seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ u64::from(self.step);
         let n = self.options.splats;
-        let growth = self.options.schedule.growth;
-        self.alive = relocate(&mut state, n, self.alive, growth, &mut Random::new(seed));
+        let (alive, growth) = (self.alive, self.options.schedule.growth);
+        let weights = self.remember()?;
+        let mut random = Random::new(seed);
+        self.alive = relocate(&mut state, n, alive, growth, weights.as_deref(), &mut random);
         sort_by_size(&mut state, n as usize, self.alive as usize, self.extent as f32);
         self.trainer.set(&state)?;
         Ok(())
+    }
+
+    /// If the training goes on with a prior: renews what is remembered of it. Returns how much each splat is to be
+    /// divided: the more, the more wrong it is.
+    fn remember(&mut self) -> Result<Option<Vec<f32>>, MapError> {
+        let Some(memory) = &self.memory else { return Ok(None) };
+        let splats = self.splats()?;
+        let (engine, options) = (&self.engine, &self.options.render);
+        let (poses, exposures) = (&self.poses[..], &self.exposures[..]);
+        let now = Now { engine, splats: &splats, options, poses, exposures };
+        let errors = memory.renew(&now, &mut self.views)?;
+        self.undo_exposures();
+        Ok(Some(errors.iter().map(|error| error.powi(2)).collect()))
+    }
+
+    /// How many of the views are pictures; the others are of a prior that the training goes on with.
+    pub fn pictures(&self) -> usize {
+        self.memory.as_ref().map_or(self.views.len(), |memory| memory.first)
     }
 
     pub fn steps(&self) -> u32 {
@@ -258,7 +330,7 @@ impl Mapper {
         self.alive
     }
 
-    /// The pictures it is trained on.
+    /// The pictures it is trained on, and the views of a prior that it goes on with.
     pub fn views(&self) -> &[PosedPicture] {
         &self.views
     }
@@ -296,6 +368,9 @@ impl Mapper {
 
     /// Goes on from a state of the same training.
     pub fn resume(&mut self, state: &MapState) -> Result<(), MapError> {
+        if self.memory.is_some() {
+            return Err(MapError::State { what: "it does not hold what is remembered of a prior" });
+        }
         let numbers = self.options.splats as usize * planes(self.options.sh_degree) as usize;
         let TrainingState { parameters, first, second } = &state.training;
         if [parameters, first, second].into_iter().any(|planes| planes.len() != numbers) {
@@ -339,6 +414,17 @@ fn check(views: &[PosedPicture], options: &MapOptions) -> Result<(), MapError> {
             return Err(MapError::Option { name, value, range });
         }
     }
+    Ok(())
+}
+
+/// Refuses what the device has no room for, before anything is made.
+fn check_room(
+    engine: &Engine,
+    views: &[PosedPicture],
+    options: &MapOptions,
+) -> Result<(), MapError> {
+    let camera = views[0].camera;
+    options.plan([camera.width, camera.height], DVec3::ZERO).memory(engine.device())?;
     Ok(())
 }
 

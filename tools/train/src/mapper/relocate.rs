@@ -13,12 +13,14 @@ const FAINT: f64 = 0.005;
 /// Most splats that one is divided into.
 const MAX_COPIES: usize = 51;
 
-/// Moves faint splats of the first `alive` of `n`, and adds a share of them; how many are alive then.
+/// Moves faint splats of the first `alive` of `n`, and adds a share of them; how many are alive then. `weights`: how
+/// much each of the first ones is to be divided beside its opacity; all alike without them.
 pub fn relocate(
     state: &mut TrainingState,
     n: u32,
     alive: u32,
     growth: f64,
+    weights: Option<&[f32]>,
     random: &mut Random,
 ) -> u32 {
     let splats = n as usize;
@@ -29,7 +31,7 @@ pub fn relocate(
     let grown = (f64::from(alive) * (1.0 + growth)) as u32;
     let faint = (0..alive as usize).filter(|i| opacities[*i] <= FAINT);
     let free: Vec<usize> = faint.chain(alive as usize..grown.min(n) as usize).collect();
-    let Some(choice) = ByOpacity::new(&opacities) else { return alive };
+    let Some(choice) = ByOpacity::new(&opacities, weights) else { return alive };
     // By the splat that is divided: those that it is divided into.
     let mut shares = vec![Vec::new(); alive as usize];
     for to in free {
@@ -63,7 +65,7 @@ pub fn sort_by_size(state: &mut TrainingState, splats: usize, alive: usize, exte
     }
 }
 
-/// A splat chosen by its opacity.
+/// A splat chosen by its opacity and weight.
 struct ByOpacity {
     /// Sums of the opacities up to each.
     sums: Vec<f64>,
@@ -71,12 +73,13 @@ struct ByOpacity {
 
 impl ByOpacity {
     /// Among those that are not faint; `None` if all are.
-    fn new(opacities: &[f64]) -> Option<ByOpacity> {
+    fn new(opacities: &[f64], weights: Option<&[f32]>) -> Option<ByOpacity> {
         let mut sum = 0.0;
-        let sums: Vec<f64> = opacities
-            .iter()
-            .map(|opacity| {
-                sum += if *opacity > FAINT { *opacity } else { 0.0 };
+        let weight = |i: usize| weights.map_or(1.0, |weights| f64::from(weights[i]));
+        let sums: Vec<f64> = (0..)
+            .zip(opacities)
+            .map(|(i, opacity)| {
+                sum += if *opacity > FAINT { *opacity * weight(i) } else { 0.0 };
                 sum
             })
             .collect();
@@ -157,11 +160,34 @@ mod tests {
         for i in 40..50 {
             state.parameters[OPACITY as usize * n + i] = -9.0;
         }
-        let alive = relocate(&mut state, n as u32, 60, 0.05, &mut Random::new(1));
+        let alive = relocate(&mut state, n as u32, 60, 0.05, None, &mut Random::new(1));
         assert_eq!(alive, 63);
         let logits = &state.parameters[OPACITY as usize * n..][..63];
         assert!(logits.iter().all(|logit| *logit > -5.4), "{logits:?}");
         assert_eq!(state.first[OPACITY as usize * n + 45], 0.0);
+    }
+
+    #[test]
+    fn only_splats_of_some_weight_are_divided() {
+        let n = 100;
+        let mut state = TrainingState {
+            parameters: (0..14 * n).map(|i| (i % n) as f32 * 0.01).collect(),
+            first: vec![1.0; 14 * n],
+            second: vec![1.0; 14 * n],
+        };
+        let before = state.clone();
+        let weights: Vec<f32> = (0..60).map(|i| if i == 7 { 0.2 } else { 0.0 }).collect();
+        let mut random = Random::new(1);
+        let alive = relocate(&mut state, n as u32, 60, 0.05, Some(&weights), &mut random);
+        assert_eq!(alive, 63);
+        for plane in 0..3 {
+            let own = &state.parameters[plane * n..][..63];
+            assert_eq!(own[..60], before.parameters[plane * n..][..60]);
+            assert_eq!(own[60..], [0.07; 3]);
+        }
+        let mut other = before.clone();
+        let alive = relocate(&mut other, n as u32, 60, 0.05, Some(&[0.0; 60]), &mut random);
+        assert_eq!((alive, other == before), (60, true));
     }
 
     #[test]

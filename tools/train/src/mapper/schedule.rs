@@ -34,6 +34,8 @@ pub struct Schedule {
     pub noise: f32,
     /// Steps until the next degree of the spherical harmonics is trained.
     pub degree_every: u32,
+    /// No relocation before this step: opacities say nothing yet.
+    pub relocate_from: u32,
     pub relocate_every: u32,
     /// Share of the splats in use that a relocation adds, as long as there is room.
     pub growth: f64,
@@ -59,15 +61,13 @@ impl Default for Schedule {
             scale_pull: 0.004,
             noise: 5e5,
             degree_every: 300,
+            relocate_from: 500,
             relocate_every: 100,
             growth: 0.12,
             relocate_until: 0.8,
         }
     }
 }
-
-/// No relocation before this step: opacities say nothing yet.
-const RELOCATE_FROM: u32 = 500;
 
 pub struct Progress {
     pub step: u32,
@@ -78,6 +78,31 @@ pub struct Progress {
 }
 
 impl Schedule {
+    /// For splats that are trained already: at `pace` times the rates of a new training, all of which fall to the share
+    /// `end`, without noise and pulls, so that a splat that no picture shows stays what it is.
+    pub fn further(pace: f32, end: f32) -> Schedule {
+        let new = Schedule::default();
+        Schedule {
+            position: pace * new.position,
+            position_end: end,
+            others_end: end,
+            others_until: 0.0,
+            log_scale: pace * new.log_scale,
+            rotation: pace * new.rotation,
+            opacity: pace * new.opacity,
+            sh_first: pace * new.sh_first,
+            sh_others: pace * new.sh_others,
+            opacity_pull: 0.0,
+            scale_pull: 0.0,
+            noise: 0.0,
+            degree_every: 0,
+            relocate_from: 0,
+            relocate_every: 50,
+            growth: 0.02,
+            ..new
+        }
+    }
+
     /// What a step is told. `scene`: its extent, the prior's unit, and the pixels of a picture.
     pub fn at(&self, progress: &Progress, sh_degree: u32, scene: (f64, usize)) -> Training {
         let Progress { step, share, alive } = *progress;
@@ -117,7 +142,7 @@ impl Schedule {
 
     /// Whether splats are relocated once so many steps, and this share of the training, are done.
     pub fn relocates_after(&self, steps: u32, share: f64) -> bool {
-        let due = steps >= RELOCATE_FROM && steps.is_multiple_of(self.relocate_every.max(1));
+        let due = steps >= self.relocate_from && steps.is_multiple_of(self.relocate_every.max(1));
         due && share <= f64::from(self.relocate_until)
     }
 }

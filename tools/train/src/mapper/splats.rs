@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use nvsprior::prior::Splats;
+use nvsprior::render::training::UNUSED;
 use nvsprior_kernels::shared::sh_coefficients;
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 
@@ -35,13 +36,22 @@ impl Planes<'_> {
 }
 
 pub fn to_planes(splats: &Splats, centre: DVec3) -> Vec<f32> {
-    let (n, stride) = (splats.len(), splats.sh_stride());
+    to_roomy_planes(splats, centre, splats.len())
+}
+
+/// Planes with room for `n` splats, at least those that there are.
+pub fn to_roomy_planes(splats: &Splats, centre: DVec3, n: usize) -> Vec<f32> {
+    let stride = splats.sh_stride();
     let mut numbers = vec![0.0; n * planes(splats.sh_degree) as usize];
     let mut planes = Planes { numbers: &mut numbers, splats: n };
+    for i in splats.len()..n {
+        *planes.at(OPACITY, i) = UNUSED;
+        *planes.at(ROTATION, i) = 1.0;
+    }
     let mut set = |first: u32, i: usize, values: &[f32]| {
         (first..).zip(values).for_each(|(plane, value)| *planes.at(plane, i) = *value);
     };
-    for i in 0..n {
+    for i in 0..splats.len() {
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
         set(POSITION, i, &position.as_vec3().to_array());
         set(LOG_SCALE, i, &splats.log_scales[i]);

@@ -1,0 +1,201 @@
+//! How many bytes a frame takes as the site ages, and what learning and mapping anew do about it.
+//!
+//!     make ageing
+//!     cargo run --release -p nvsprior-cli --example ageing -- PROGRAM PRIOR OUT [FRAMES [RATE]]
+//!
+//! Five dives of the basin, 0 to 26 weeks after the mapping run, FRAMES (40) each at RATE (3) per second, 33 dB. Each
+//! way runs `nvsprior` as a person would. OUT gets a folder for each dive and way, `ageing.csv` and `ageing.svg`. Bytes
+//! are means per frame, with all updates that were sent. What is there already is not done again.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, ensure};
+use plotters::prelude::*;
+use serde_json::Value;
+
+/// Weeks since the mapping run, a dive each.
+const WEEKS: [u32; 5] = [0, 3, 8, 16, 26];
+/// What every frame must reach, dB.
+const PSNR: &str = "33";
+
+/// A way to go about it.
+struct Way {
+    name: &'static str,
+    folder: &'static str,
+    /// Learns while diving.
+    learns: bool,
+    after: After,
+}
+
+/// What is done with the prior after a dive.
+#[derive(Clone, Copy, PartialEq)]
+enum After {
+    Nothing,
+    Merge,
+    Map,
+}
+
+const WAYS: [Way; 5] = [
+    Way { name: "no update", folder: "none", learns: false, after: After::Nothing },
+    Way { name: "learning while diving", folder: "learning", learns: true, after: After::Nothing },
+    Way { name: "merged after each dive", folder: "merged", learns: true, after: After::Merge },
+    Way { name: "mapped after each dive", folder: "mapped", learns: false, after: After::Map },
+    Way {
+        name: "learning, and mapped after each",
+        folder: "both",
+        learns: true,
+        after: After::Map,
+    },
+];
+
+/// The run of the program.
+struct Site {
+    program: PathBuf,
+    out: PathBuf,
+    frames: String,
+    rate: String,
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [program, prior, out, options @ ..] = &arguments[..] else {
+        anyhow::bail!("PROGRAM PRIOR OUT [FRAMES [RATE]]");
+    };
+    let option = |at: usize, usual: &str| options.get(at).map_or(usual, String::as_str).to_owned();
+    let (frames, rate) = (option(0, "40"), option(1, "3"));
+    let site = Site { program: program.into(), out: out.into(), frames, rate };
+    std::fs::create_dir_all(&site.out).with_context(|| out.clone())?;
+    for dive in 1..=WEEKS.len() {
+        site.draw(dive)?;
+    }
+    let mut curves = Vec::new();
+    for way in &WAYS {
+        let mut before = PathBuf::from(prior);
+        let mut bytes = Vec::new();
+        for dive in 1..=WEEKS.len() {
+            let since = Instant::now();
+            bytes.push(site.encode(way, dive, &before)?);
+            let last = dive == WEEKS.len();
+            before = if last { before } else { site.go_on(way, dive, &before)? };
+            println!("{}, dive {dive}: {:.0} s", way.name, since.elapsed().as_secs_f64());
+        }
+        curves.push(bytes);
+    }
+    let table = table(&curves);
+    print!("{table}");
+    std::fs::write(site.out.join("ageing.csv"), table)?;
+    draw(&site.out.join("ageing.svg"), &curves)
+}
+
+impl Site {
+    /// Runs the program, unless the file that it ends with is there.
+    fn run(&self, arguments: &str, last: &str) -> anyhow::Result<()> {
+        if Path::new(last).exists() {
+            return Ok(());
+        }
+        let mut command = Command::new(&self.program);
+        let output = command.args(arguments.split_whitespace()).output();
+        let output = output.with_context(|| self.program.display().to_string())?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        ensure!(output.status.success(), "nvsprior {arguments}: {said}");
+        Ok(())
+    }
+
+    fn folder(&self, dive: usize, way: &str) -> String {
+        self.out.join(format!("dive-{dive}")).join(way).display().to_string()
+    }
+
+    fn cameras(&self, dive: usize) -> String {
+        format!("{}/T4/cameras.json", self.folder(dive, ""))
+    }
+
+    fn draw(&self, dive: usize) -> anyhow::Result<()> {
+        let (Site { frames, rate, .. }, weeks) = (self, WEEKS[dive - 1]);
+        let out = self.folder(dive, "");
+        let what = format!("--run T4 --dive {dive} --age {weeks} --frames {frames} --rate {rate}");
+        self.run(&format!("demo --draw-only {what} --out {out}"), &self.cameras(dive))
+    }
+
+    /// Encodes a dive; mean bytes of a frame, with all updates.
+    fn encode(&self, way: &Way, dive: usize, prior: &Path) -> anyhow::Result<f64> {
+        let (folder, cameras) = (self.folder(dive, way.folder), self.cameras(dive));
+        let learn = if way.learns { "--learn" } else { "" };
+        let summary = format!("{folder}/summary.json");
+        let files = format!("--packets {folder} --summary {summary}");
+        let input = format!("--prior {} --cameras {cameras}", prior.display());
+        self.run(&format!("encode {input} --psnr {PSNR} {learn} {files}"), &summary)?;
+        let summary = std::fs::read_to_string(summary)?;
+        let summary: Value = serde_json::from_str(&summary)?;
+        let frames = summary["frames"].as_array().context("no frames")?;
+        let number = |frame: &Value, name: &str| frame[name].as_f64().unwrap_or(f64::NAN);
+        let bytes = frames.iter().map(|f| number(f, "bytes") + number(f, "update_bytes"));
+        Ok(bytes.sum::<f64>() / frames.len() as f64)
+    }
+
+    /// The prior of the next dive.
+    fn go_on(&self, way: &Way, dive: usize, prior: &Path) -> anyhow::Result<PathBuf> {
+        let folder = self.folder(dive, way.folder);
+        // What is mapped does not depend on what was learnt.
+        let mapped = PathBuf::from(format!("{}/next.nvsg", self.folder(dive, "mapped")));
+        let to = format!("{folder}/next.nvsg");
+        let (next, from) = (PathBuf::from(&to), prior.display());
+        match way.after {
+            After::Merge if Path::new(&format!("{folder}/dive.nvsu")).exists() => {
+                self.run(&format!("merge {from} {folder}/dive.nvsu --out {to}"), &to)?;
+                Ok(next)
+            }
+            After::Nothing | After::Merge => Ok(prior.to_path_buf()),
+            After::Map if way.learns => Ok(mapped),
+            After::Map => {
+                let cameras = self.cameras(dive);
+                let input = format!("--from {from} --cameras {cameras} --held-out 0");
+                self.run(&format!("map {input} --out {to}"), &to)?;
+                Ok(next)
+            }
+        }
+    }
+}
+
+fn table(curves: &[Vec<f64>]) -> String {
+    let names = WAYS.map(|way| way.name.replace(',', "")).join(",");
+    let row = |(dive, weeks): (usize, u32)| {
+        let bytes = curves.iter().map(|bytes| format!("{:.0}", bytes[dive]));
+        format!("{weeks},{}\n", bytes.collect::<Vec<_>>().join(","))
+    };
+    let rows: String = WEEKS.into_iter().enumerate().map(row).collect();
+    format!("weeks,{names}\n{rows}")
+}
+
+/// Bytes against weeks, a curve for each way.
+fn draw(path: &Path, curves: &[Vec<f64>]) -> anyhow::Result<()> {
+    let root = SVGBackend::new(path, (900, 560)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let most = curves.iter().flatten().fold(1.0, |a: f64, b| a.max(*b));
+    let weeks = f64::from(WEEKS[WEEKS.len() - 1]);
+    let mut chart = ChartBuilder::on(&root)
+        .caption("Bytes of a frame at 33 dB as the site ages, updates counted", ("sans-serif", 20))
+        .margin(16)
+        .x_label_area_size(44)
+        .y_label_area_size(64)
+        // The names have their place above the curves.
+        .build_cartesian_2d(0.0..weeks, 0.0..1.5 * most)?;
+    chart.configure_mesh().x_desc("weeks since the mapping run").y_desc("bytes").draw()?;
+    for (k, (bytes, way)) in curves.iter().zip(&WAYS).enumerate() {
+        let colour = Palette99::pick(k).to_rgba();
+        let points = || WEEKS.into_iter().map(f64::from).zip(bytes.iter().copied());
+        chart.draw_series(points().map(|point| Circle::new(point, 3, colour.filled())))?;
+        chart
+            .draw_series(LineSeries::new(points(), colour.stroke_width(2)))?
+            .label(way.name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperLeft)
+        .background_style(WHITE.mix(0.8))
+        .border_style(BLACK)
+        .draw()?;
+    Ok(root.present()?)
+}
