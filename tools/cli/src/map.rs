@@ -41,11 +41,7 @@ use structure::StructureArgs;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    structure: StructureArgs,
-    #[command(flatten)]
     inputs: InputArgs,
-    #[command(flatten)]
-    from: FromArgs,
     /// Most splats [default: 40000; with --from a tenth more than that prior has]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
     splats: Option<u32>,
@@ -91,6 +87,11 @@ pub struct Args {
     report: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
+    // Their headings hold for all that follows.
+    #[command(flatten)]
+    structure: StructureArgs,
+    #[command(flatten)]
+    from: FromArgs,
 }
 
 fn minutes(text: &str) -> Result<f64, String> {
