@@ -375,7 +375,8 @@ impl Learner {
         let (update, changes) = draft.update(self.scene.id(), &self.learnt, &self.trainer.state()?);
         let new = |splat: &NewSplat| Part { splat: splat.learnt(&update.grid), new: 1.0 };
         let parts = update.splats.iter().map(new).chain(changes).collect();
-        let trial = Trial::new(&self.learnt, update, parts, self.horizon())?;
+        let horizon = self.horizon() / self.options.price;
+        let trial = Trial::new(&self.learnt, update, parts, horizon)?;
         Ok(trial.map(Work::Judging))
     }
 

@@ -18,7 +18,7 @@ pub struct Trial {
     bytes: Vec<u8>,
     /// What may be left out: new splats, then changes. Empty: that was chosen already.
     pub parts: Vec<Part>,
-    /// Frames within which it must save the bytes that it takes.
+    /// Frames within which it must save the bytes that it has.
     pub horizon: f64,
     /// What it saved on each frame since, bytes.
     pub saved: Vec<f64>,

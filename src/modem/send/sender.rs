@@ -16,6 +16,9 @@ use super::unprotected::Unprotected;
 use super::update_options::UpdateOptions;
 use super::updates::{Link, Updates};
 
+/// About as many bytes as an update has.
+const TYPICAL_UPDATE: usize = 500;
+
 /// What is done against lost modem frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Protection {
@@ -444,6 +447,14 @@ impl Sender {
         self.updates.as_mut().ok_or(ModemError::NoUpdates)?.push(now, update, &link)?;
         self.statistics.updates += 1;
         Ok(())
+    }
+
+    /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `LearnOptions::price`. An update needs parity for all of it. Of a picture
+    /// what comes is shown, so its bytes count by the chance that they come. `None`: no updates are sent.
+    pub fn update_price(&self) -> Option<f64> {
+        let (updates, link) = (self.updates.as_ref()?, self.link());
+        let cost = updates.cost(TYPICAL_UPDATE, &link).ok()?;
+        Some(cost as f64 / TYPICAL_UPDATE as f64 * (1.0 - link.loss.chance))
     }
 
     /// Number of the newest update that frames may be drawn with from now on; `None`: they are drawn with none yet.

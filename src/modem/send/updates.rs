@@ -112,6 +112,13 @@ impl Updates {
         if self.expect_reports { AIM_WITH_REPORTS } else { AIM }
     }
 
+    /// Bytes on the link that an update of `len` bytes takes.
+    pub fn cost(&self, len: usize, link: &Link) -> Result<usize, ModemError> {
+        let loss = self.loss(link);
+        let cut = cut(len, link.mtu, link.overhead, loss, self.aim())?;
+        Ok(pieces_for(cut.sources, loss, self.aim()) * (cut.piece_len() + link.overhead))
+    }
+
     /// Takes an update that stands on a state of the chain; those after that state go. Its pieces go from `now` on,
     /// seconds.
     pub fn push(&mut self, now: f64, bytes: &[u8], link: &Link) -> Result<(), ModemError> {

@@ -505,3 +505,19 @@ fn without_a_rate_pieces_go_as_they_come() {
     assert_eq!(collector.update(0), Some(&update[..]));
     assert_eq!(indices.len(), sender.statistics().pieces as usize);
 }
+
+#[test]
+fn updates_cost_more_the_more_the_link_loses() {
+    let price = |mtu, loss, reports| {
+        let sender = Sender::new(options(mtu, loss, reports)).unwrap();
+        sender.update_price().expect("updates are sent")
+    };
+    // Headers alone.
+    assert!((1.0..1.1).contains(&price(256, 0.0, false)));
+    assert!((1.1..1.4).contains(&price(64, 0.0, false)));
+    // Parity; less of it if reports ask for what is missing.
+    assert!((1.5..3.0).contains(&price(64, 0.2, false)));
+    assert!(price(64, 0.2, true) < price(64, 0.2, false));
+    let without = SenderOptions { updates: None, ..options(64, 0.2, false) };
+    assert_eq!(Sender::new(without).unwrap().update_price(), None);
+}

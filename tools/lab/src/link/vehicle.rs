@@ -94,12 +94,13 @@ impl Vehicle {
             ..Default::default()
         };
         let mut encoder = Encoder::new(engine, scene, &footage.camera, options)?;
-        if setting.updates.is_some() {
-            encoder.learn(&LearnOptions::default())?;
+        let sender = sender(setting)?;
+        if let Some(price) = sender.update_price() {
+            encoder.learn(&LearnOptions { price, ..LearnOptions::default() })?;
         }
         Ok(Vehicle {
             encoder,
-            sender: sender(setting)?,
+            sender,
             encoded: Encoded::default(),
             next: 0,
             sent: Vec::new(),
