@@ -214,8 +214,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 #define NVSP_PRIOR_ANTIALIASED 4
 // `background` is given.
 #define NVSP_PRIOR_BACKGROUND 8
-// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders and
-// decoders that share such a prior work in turn, not at once. It is no part of the identity.
+// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders
+// and decoders that share such a prior work in turn, not at once. It is no part of the identity.
 #define NVSP_PRIOR_UPDATES 16
 
 // Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
@@ -405,9 +405,9 @@ typedef struct nvsp_encoder_options {
   // after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
   uint32_t key_every;
   // Steps of training per frame by which the encoder learns what frames show and the prior does not: see
-  // nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per second.
-  // Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library without the
-  // feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
+  // nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per
+  // second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
+  // without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
   uint32_t learn;
 } nvsp_encoder_options;
 
@@ -1652,8 +1652,8 @@ typedef struct nvsp_sender_options {
   uint32_t stream;
   // NVSP_SENDER_* flags.
   uint32_t flags;
-  // With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get the
-  // rest. 0: a third.
+  // With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get
+  // the rest. 0: a third.
   double update_share;
   // With NVSP_SENDER_UPDATES: bytes of the updates that are kept, all of the dive. 0: 65536.
   uint32_t update_memory;
@@ -1893,8 +1893,8 @@ typedef struct nvsp_collector_options {
   uint32_t streams;
   // NVSP_COLLECTOR_* flags.
   uint32_t flags;
-  // Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are taken,
-  // and reports tell nothing of them.
+  // Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are
+  // taken, and reports tell nothing of them.
   uint32_t update_bytes;
   // Zero.
   uint32_t reserved;

@@ -308,11 +308,10 @@ typedef struct nvsp_learning {
   uint64_t update_bytes;
 } nvsp_learning;
 
-// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not. Ask
-// after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes nothing
-// then. Give it to nvsp_sender_push_update, and keep it for the next dive: one update after the other in a file is a
-// dive.nvsu. Frames are drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update,
-// no other one comes.
+// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not.
+// Ask after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes
+// nothing then. Give it to nvsp_sender_push_update, and keep it for the next dive: nvsp_encoder_add_update. Frames are
+// drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update, no other one comes.
 //
 // Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept. If
 // learning has failed, the call fails once, as nvsp_encode does; the encoder goes on without learning.
@@ -371,8 +370,8 @@ nvsp_status nvsp_encoder_get_learning(struct nvsp_encoder *encoder, struct nvsp_
 // here on; those of some updates before still can. Give updates in their order. One with number 1 begins anew: the
 // vehicle has lost what it had learnt.
 //
-// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior was
-// opened without NVSP_PRIOR_UPDATES. Nothing changes then.
+// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior
+// was opened without NVSP_PRIOR_UPDATES. Nothing changes then.
 //
 // Parameters:
 // - `update`: the update. Read during the call. Not NULL.
@@ -384,8 +383,8 @@ nvsp_status nvsp_decoder_add_update(struct nvsp_decoder *decoder,
                                     size_t size,
                                     uint32_t *number) NVSP_NONNULL(1, 2, 4);
 
-// Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and come
-// again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
+// Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and
+// come again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
 //
 // Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_STATE (the sender was made without NVSP_SENDER_UPDATES),
 // NVSP_ERR_UPDATE (it is damaged, does not stand on those before, or is too long for the MTU) or NVSP_ERR_UNFINISHED
@@ -401,8 +400,9 @@ nvsp_status nvsp_sender_push_update(struct nvsp_sender *sender,
                                     const uint8_t *update,
                                     size_t size) NVSP_NONNULL(1, 3);
 
-// Tells the newest update that frames may be drawn with: the topside has it. Without reports it has it with a chance of
-// 99 %, at the loss that is assumed. Returns NVSP_PENDING if there is none, and writes nothing then. Allocates nothing.
+// Tells the newest update that frames may be drawn with: the topside has it. Without reports it has it with a chance
+// of 99 %, at the loss that is assumed. Returns NVSP_PENDING if there is none, and writes nothing then. Allocates
+// nothing.
 //
 // Parameters:
 // - `number`: receives its number, for nvsp_encoder_adopt_update. Not NULL.
@@ -410,9 +410,9 @@ NVSP_CHECKED
 nvsp_status nvsp_sender_held_update(struct nvsp_sender *sender,
                                     uint32_t *number) NVSP_NONNULL(1, 2);
 
-// Copies the update that is due first. Ask after NVSP_EVENT_UPDATE: give it to nvsp_decoder_add_update, tell what came of
-// it with nvsp_collector_settle_update, and ask again. Returns NVSP_PENDING if there is none, and writes nothing then.
-// Allocates nothing.
+// Copies the update that is due first. Ask after NVSP_EVENT_UPDATE: give it to nvsp_decoder_add_update, tell what came
+// of it with nvsp_collector_settle_update, and ask again. Returns NVSP_PENDING if there is none, and writes nothing
+// then. Allocates nothing.
 //
 // Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_BUFFER_TOO_SMALL. The update stays then.
 //

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use common::{Random, assert_silent, engine};
 use nvsprior::packet::Latent;
-use nvsprior::prior::{Learnt, Update, UpdateError};
+use nvsprior::prior::{Learnt, UpdateError};
 use nvsprior::render::Scene;
 use nvsprior::{
     Decoded, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Prior, Rate, Trust,

@@ -46,8 +46,8 @@ pub struct nvsp_collector_options {
     pub streams: u32,
     /// NVSP_COLLECTOR_* flags.
     pub flags: u32,
-    /// Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are taken,
-    /// and reports tell nothing of them.
+    /// Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are
+    /// taken, and reports tell nothing of them.
     pub update_bytes: u32,
     /// Zero.
     pub reserved: u32,

@@ -13,12 +13,12 @@ use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::Handle;
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
+use super::learning;
 use super::limits::Limits;
 use super::prior::nvsp_prior;
 use super::slices::Room;
 use super::status::*;
 use super::structs::{Checked, In, Out, Place, number, versioned, zeroed};
-use super::updates;
 
 /// Quality 10.
 pub const NVSP_RATE_DEFAULT: u32 = 0;
@@ -130,9 +130,9 @@ pub struct nvsp_encoder_options {
     /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
     pub key_every: u32,
     /// Steps of training per frame by which the encoder learns what frames show and the prior does not: see
-    /// nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per second.
-    /// Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library without the
-    /// feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
+    /// nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per
+    /// second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
+    /// without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
     pub learn: u32,
 }
 versioned!(nvsp_encoder_options, 80);
@@ -256,7 +256,7 @@ pub extern "C" fn nvsp_encoder_create(
             if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
         let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
         if learn > 0 {
-            updates::learn(&mut made, learn)?;
+            learning::begin(&mut made, learn)?;
         }
         let converter = Converter::new(camera.width, camera.height)?;
         let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);

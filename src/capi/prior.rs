@@ -48,8 +48,8 @@ pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
 pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
 /// `background` is given.
 pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
-/// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders and
-/// decoders that share such a prior work in turn, not at once. It is no part of the identity.
+/// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders
+/// and decoders that share such a prior work in turn, not at once. It is no part of the identity.
 pub const NVSP_PRIOR_UPDATES: u32 = 16;
 
 impl PriorContent {

@@ -103,8 +103,8 @@ pub struct nvsp_sender_options {
     pub stream: u32,
     /// NVSP_SENDER_* flags.
     pub flags: u32,
-    /// With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get the
-    /// rest. 0: a third.
+    /// With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get
+    /// the rest. 0: a third.
     pub update_share: f64,
     /// With NVSP_SENDER_UPDATES: bytes of the updates that are kept, all of the dive. 0: 65536.
     pub update_memory: u32,

@@ -1,11 +1,12 @@
 //! Updates of the prior: what a vehicle learns, on its way to the topside.
 
+use crate::Decoder;
 use crate::prior::Update;
-use crate::{Decoder, Encoder};
 
 use super::collector::nvsp_collector;
 use super::decoder::nvsp_decoder;
 use super::encoding::nvsp_encoder;
+use super::learning;
 use super::limits::Limits;
 use super::memory::Grant;
 use super::sender::nvsp_sender;
@@ -39,11 +40,10 @@ pub struct nvsp_learning {
 }
 versioned!(nvsp_learning, 32);
 
-/// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not. Ask
-/// after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes nothing
-/// then. Give it to nvsp_sender_push_update, and keep it for the next dive: one update after the other in a file is a
-/// dive.nvsu. Frames are drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update,
-/// no other one comes.
+/// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not.
+/// Ask after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes
+/// nothing then. Give it to nvsp_sender_push_update, and keep it for the next dive: nvsp_encoder_add_update. Frames are
+/// drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update, no other one comes.
 ///
 /// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept. If
 /// learning has failed, the call fails once, as nvsp_encode does; the encoder goes on without learning.
@@ -150,12 +150,15 @@ pub extern "C" fn nvsp_encoder_get_learning(
         let out = learning.required()?;
         let core = content.core()?;
         let learnt = core.encoder.learnt();
-        let told = nvsp_learning {
+        let counts = learning::counts(&core.encoder);
+        out.write(&nvsp_learning {
             newest: learnt.number().into(),
             splats: learnt.splats().len() as u32,
+            updates: counts.updates,
+            refused: counts.refused,
+            update_bytes: counts.update_bytes,
             ..zeroed()
-        };
-        out.write(&learning::with_counts(told, &core.encoder));
+        });
         Ok(NVSP_OK)
     })
 }
@@ -164,8 +167,8 @@ pub extern "C" fn nvsp_encoder_get_learning(
 /// here on; those of some updates before still can. Give updates in their order. One with number 1 begins anew: the
 /// vehicle has lost what it had learnt.
 ///
-/// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior was
-/// opened without NVSP_PRIOR_UPDATES. Nothing changes then.
+/// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior
+/// was opened without NVSP_PRIOR_UPDATES. Nothing changes then.
 ///
 /// # Safety
 /// - `update`: the update. Read during the call. Not NULL.
@@ -196,8 +199,8 @@ fn room(limits: &Limits) -> Result<Grant, Failure> {
     Grant::take("an update of the prior", HELD, limits.host_bytes)
 }
 
-/// Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and come
-/// again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
+/// Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and
+/// come again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_STATE (the sender was made without NVSP_SENDER_UPDATES),
 /// NVSP_ERR_UPDATE (it is damaged, does not stand on those before, or is too long for the MTU) or NVSP_ERR_UNFINISHED
@@ -222,8 +225,9 @@ pub unsafe extern "C" fn nvsp_sender_push_update(
     })
 }
 
-/// Tells the newest update that frames may be drawn with: the topside has it. Without reports it has it with a chance of
-/// 99 %, at the loss that is assumed. Returns NVSP_PENDING if there is none, and writes nothing then. Allocates nothing.
+/// Tells the newest update that frames may be drawn with: the topside has it. Without reports it has it with a chance
+/// of 99 %, at the loss that is assumed. Returns NVSP_PENDING if there is none, and writes nothing then. Allocates
+/// nothing.
 ///
 /// # Parameters
 /// - `number`: receives its number, for nvsp_encoder_adopt_update. Not NULL.
@@ -240,9 +244,9 @@ pub extern "C" fn nvsp_sender_held_update(
     })
 }
 
-/// Copies the update that is due first. Ask after NVSP_EVENT_UPDATE: give it to nvsp_decoder_add_update, tell what came of
-/// it with nvsp_collector_settle_update, and ask again. Returns NVSP_PENDING if there is none, and writes nothing then.
-/// Allocates nothing.
+/// Copies the update that is due first. Ask after NVSP_EVENT_UPDATE: give it to nvsp_decoder_add_update, tell what came
+/// of it with nvsp_collector_settle_update, and ask again. Returns NVSP_PENDING if there is none, and writes nothing
+/// then. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_BUFFER_TOO_SMALL. The update stays then.
 ///
@@ -292,71 +296,5 @@ fn stream_of(stream: u32) -> Result<u8, Failure> {
     match u8::try_from(stream) {
         Ok(stream @ 0..=3) => Ok(stream),
         _ => Err(Failure::argument("stream")),
-    }
-}
-
-/// Has an encoder learn by so many steps per frame.
-pub(super) fn learn(encoder: &mut Encoder, steps: u32) -> Result<(), Failure> {
-    learning::begin(encoder, steps)
-}
-
-#[cfg(feature = "training")]
-mod learning {
-    use crate::learning::LearnOptions;
-
-    use super::*;
-
-    pub fn begin(encoder: &mut Encoder, steps_per_frame: u32) -> Result<(), Failure> {
-        let options = LearnOptions { steps_per_frame, ..LearnOptions::default() };
-        Ok(encoder.learn(&options)?)
-    }
-
-    pub fn take(encoder: &mut Encoder) -> Result<Option<Vec<u8>>, Failure> {
-        Ok(encoder.take_update()?)
-    }
-
-    pub fn adopt(encoder: &mut Encoder, number: u16) -> Result<bool, Failure> {
-        Ok(encoder.adopt(number))
-    }
-
-    pub fn drop_waiting(encoder: &mut Encoder) -> Result<(), Failure> {
-        encoder.drop_update();
-        Ok(())
-    }
-
-    pub fn with_counts(told: nvsp_learning, encoder: &Encoder) -> nvsp_learning {
-        let stats = encoder.learner_stats().unwrap_or_default();
-        let (updates, refused) = (stats.updates, stats.refused);
-        nvsp_learning { updates, refused, update_bytes: stats.update_bytes as u64, ..told }
-    }
-}
-
-/// A library that does not learn.
-#[cfg(not(feature = "training"))]
-mod learning {
-    use super::*;
-
-    fn without() -> Failure {
-        Failure::at(NVSP_ERR_UNSUPPORTED, "learning: takes a library with the feature training")
-    }
-
-    pub fn begin(_: &mut Encoder, _: u32) -> Result<(), Failure> {
-        Err(without())
-    }
-
-    pub fn take(_: &mut Encoder) -> Result<Option<Vec<u8>>, Failure> {
-        Err(without())
-    }
-
-    pub fn adopt(_: &mut Encoder, _: u16) -> Result<bool, Failure> {
-        Err(without())
-    }
-
-    pub fn drop_waiting(_: &mut Encoder) -> Result<(), Failure> {
-        Err(without())
-    }
-
-    pub fn with_counts(told: nvsp_learning, _: &Encoder) -> nvsp_learning {
-        told
     }
 }

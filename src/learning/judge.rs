@@ -25,8 +25,8 @@ impl Judge {
         Judge { coder: ResidualEncoder::new(setup) }
     }
 
-    /// Bytes that a frame's difference from its render takes, per squared error of 1 that it takes away: of a pixel, the
-    /// mean over its colours, values up to 255.
+    /// Bytes that a frame's difference from its render takes, per squared error of 1 that it takes away: of a pixel,
+    /// the mean over its colours, values up to 255.
     pub fn bytes_per_error(
         &mut self,
         frame: &Picture,
@@ -37,7 +37,7 @@ impl Judge {
         let coded = self.coder.encode(frame, render, rate, SHORT_LATENT_LEN)?;
         let pixels = (frame.data.len() / 3) as f64;
         let error = |picture: &Picture| 255.0 * 255.0 * pixels * picture.mse(frame);
-        let gone = error(render) - error(&coded.reconstruction);
+        let gone = error(render) - error(coded.reconstruction);
         Ok(if gone > 0.0 { bytes(&coded) as f64 / gone } else { 0.0 })
     }
 

@@ -449,8 +449,9 @@ impl Sender {
         Ok(())
     }
 
-    /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `LearnOptions::price`. An update needs parity for all of it. Of a picture
-    /// what comes is shown, so its bytes count by the chance that they come. `None`: no updates are sent.
+    /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `LearnOptions::price`. An
+    /// update needs parity for all of it. Of a picture what comes is shown, so its bytes count by the chance that they
+    /// come. `None`: no updates are sent.
     pub fn update_price(&self) -> Option<f64> {
         let (updates, link) = (self.updates.as_ref()?, self.link());
         let cost = updates.cost(TYPICAL_UPDATE, &link).ok()?;
