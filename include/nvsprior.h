@@ -1604,7 +1604,7 @@ typedef struct nvsp_sender nvsp_sender;
 // missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
 #define NVSP_SENDER_UNPROTECTED 2
 
-// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update. Needs a bit rate.
+// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update.
 #define NVSP_SENDER_UPDATES 4
 
 // MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.

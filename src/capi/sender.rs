@@ -52,7 +52,7 @@ pub const NVSP_SENDER_EXPECT_REPORTS: u32 = 1;
 /// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
 /// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
 pub const NVSP_SENDER_UNPROTECTED: u32 = 2;
-/// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update. Needs a bit rate.
+/// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update.
 pub const NVSP_SENDER_UPDATES: u32 = 4;
 
 /// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.

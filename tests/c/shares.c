@@ -627,7 +627,7 @@ static void out_of_range(void) {
         options.shares = i == 2 ? 65 : 0;
         options.user_bytes = i == 3 ? 256 : 0;
         options.stream = i == 4 ? 4 : 0;
-        options.flags = i == 5 ? 4 : NVSP_SENDER_EXPECT_REPORTS;
+        options.flags = i == 5 ? 8 : NVSP_SENDER_EXPECT_REPORTS;
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_sender_create(MTU, &options, &sender));
     }
     for (int i = 0; i < 6; i++) {

@@ -266,7 +266,7 @@ static void out_of_range(void) {
         wrong.shares = i == 0 ? 4097 : 0;
         wrong.stream = i == 1;
         wrong.user_bytes = i == 2;
-        wrong.flags |= i == 3 ? 4 : i == 4 ? NVSP_SENDER_EXPECT_REPORTS : 0;
+        wrong.flags |= i == 3 ? 8 : i == 4 ? NVSP_SENDER_EXPECT_REPORTS : 0;
         wrong.bit_rate = i == 5 ? -1 : 0;
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_sender_create(64, &wrong, &sender));
     }
