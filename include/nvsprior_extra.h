@@ -383,6 +383,24 @@ nvsp_status nvsp_decoder_add_update(struct nvsp_decoder *decoder,
                                     size_t size,
                                     uint32_t *number) NVSP_NONNULL(1, 2, 4);
 
+// Adds to a report of nvsp_collector_report which updates the decoder holds. Without it a sender that expects reports
+// never tells of a held update. Allocates nothing.
+//
+// Fails with NVSP_ERR_MODEM (no report, or no room for what is added), NVSP_ERR_ARGUMENT or NVSP_ERR_UNFINISHED (a
+// packet is under way). The report stays as it is then.
+//
+// Parameters:
+// - `report`: the report, in place. Yours, of `size` bytes. Not NULL.
+// - `report_size`: bytes of the report.
+// - `size`: most bytes of a modem frame, `report_size` or more.
+// - `written`: receives the report's new length, bytes. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_decoder_tell_updates(struct nvsp_decoder *decoder,
+                                      uint8_t *report,
+                                      size_t report_size,
+                                      size_t size,
+                                      size_t *written) NVSP_NONNULL(1, 2, 5);
+
 // Takes an update to send, in nvsp_sender_options.update_share of the bit rate. All updates of a dive are kept, and
 // come again for a topside that lacks them. After a restart of the vehicle, give all that it still has.
 //

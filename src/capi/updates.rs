@@ -1,6 +1,7 @@
 //! Updates of the prior: what a vehicle learns, on its way to the topside.
 
 use crate::Decoder;
+use crate::modem::Report;
 use crate::prior::Update;
 
 use super::collector::nvsp_collector;
@@ -10,7 +11,7 @@ use super::learning;
 use super::limits::Limits;
 use super::memory::Grant;
 use super::sender::nvsp_sender;
-use super::slices::{Room, slice};
+use super::slices::{Room, slice, slice_mut};
 use super::status::*;
 use super::structs::{Out, Place, versioned, zeroed};
 
@@ -190,6 +191,50 @@ pub unsafe extern "C" fn nvsp_decoder_add_update(
             Ok(decoder.add_update(bytes)?)
         })?;
         number.write(added.into());
+        Ok(NVSP_OK)
+    })
+}
+
+/// Most bytes of a report that is read here; none of this library is longer.
+const REPORT_BYTES: usize = 2048;
+
+/// Adds to a report of nvsp_collector_report which updates the decoder holds. Without it a sender that expects reports
+/// never tells of a held update. Allocates nothing.
+///
+/// Fails with NVSP_ERR_MODEM (no report, or no room for what is added), NVSP_ERR_ARGUMENT or NVSP_ERR_UNFINISHED (a
+/// packet is under way). The report stays as it is then.
+///
+/// # Safety
+/// - `report`: the report, in place. Yours, of `size` bytes. Not NULL.
+/// - `report_size`: bytes of the report.
+/// - `size`: most bytes of a modem frame, `report_size` or more.
+/// - `written`: receives the report's new length, bytes. Not NULL.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_decoder_tell_updates(
+    decoder: Option<&nvsp_decoder>,
+    report: *mut u8,
+    report_size: usize,
+    size: usize,
+    written: Place<usize>,
+) -> nvsp_status {
+    nvsp_decoder::call(decoder, |content| {
+        let written = written.required("written")?;
+        if report.is_null() {
+            return Err(Failure::null("report"));
+        }
+        // SAFETY: `size` bytes stand at `report`, see `# Safety`.
+        let into = unsafe { slice_mut(report, size, "report")? };
+        if report_size > size.min(REPORT_BYTES) {
+            return Err(Failure::argument("report_size"));
+        }
+        let mut before = [0; REPORT_BYTES];
+        before[..report_size].copy_from_slice(&into[..report_size]);
+        let (mut told, user) = Report::read(&before[..report_size])?;
+        content.change(|decoder, _| {
+            told.tell_states(decoder.states());
+            Ok(())
+        })?;
+        written.write(told.write(user, into)?);
         Ok(NVSP_OK)
     })
 }

@@ -191,6 +191,60 @@ static void check_link(void) {
     nvsp_sender_destroy(sender);
 }
 
+// With reports: the vehicle knows of an update once the topside has told that it holds it.
+static void check_reports(void) {
+    nvsp_sender *sender = NULL;
+    nvsp_collector *collector = NULL;
+    nvsp_decoder *decoder = NULL;
+    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    options.bit_rate = 20000;
+    options.frame_rate = 3;
+    options.flags = NVSP_SENDER_UPDATES | NVSP_SENDER_EXPECT_REPORTS;
+    nvsp_collector_options own = NVSP_INITIALIZER(nvsp_collector_options);
+    own.update_bytes = 4000;
+    MUST(nvsp_sender_create(MTU, &options, &sender));
+    MUST(nvsp_collector_create(MTU, &own, &collector));
+    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+    uint8_t frame[MTU], packet[8192], update[4000], report[256];
+    uint32_t budget = 0, number = 0, added = 0;
+    size_t size = 0, length = 0;
+    const nvsp_image image = scene_image(&dive, 0);
+    MUST(nvsp_sender_plan(sender, 0, &budget));
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, (float)budget));
+    MUST(nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), packet, sizeof packet, &size, NULL));
+    MUST(nvsp_sender_push(sender, 0, packet, size, NULL, 0, NULL));
+    for (int k = 0; k < UPDATES; k++) {
+        MUST(nvsp_sender_push_update(sender, 0, updates[k].bytes, updates[k].size));
+    }
+    for (double now = 0; now < 30 && added < UPDATES; now += 0.1) {
+        while (nvsp_sender_next(sender, now, frame, sizeof frame, &size) == NVSP_OK) {
+            EXPECT(NVSP_OK, nvsp_collector_push(collector, now, frame, size, NULL));
+        }
+        while (nvsp_collector_fetch_update(collector, 0, update, sizeof update, &size) == NVSP_OK) {
+            EXPECT(NVSP_OK, nvsp_decoder_add_update(decoder, update, size, &number));
+            EXPECT(NVSP_OK, nvsp_collector_settle_update(collector, 0, 1));
+            added++;
+            CHECK(nvsp_sender_held_update(sender, &number) == (added > 1 ? NVSP_OK : NVSP_PENDING));
+        }
+        if (nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, report, sizeof report, &size) == NVSP_OK) {
+            nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
+            EXPECT(NVSP_OK, nvsp_decoder_tell_updates(decoder, report, size, sizeof report, &length));
+            CHECK(length >= size);
+            EXPECT(NVSP_OK, nvsp_sender_process_report(sender, now, report, length, &processed));
+        }
+    }
+    CHECK(added == UPDATES);
+    EXPECT(NVSP_OK, nvsp_sender_held_update(sender, &number));
+    CHECK(number == UPDATES);
+    MUST(nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, report, sizeof report, &size));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_tell_updates(decoder, NULL, size, sizeof report, &length));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_tell_updates(decoder, report, sizeof report + 1, sizeof report, &length));
+    EXPECT(NVSP_ERR_MODEM, nvsp_decoder_tell_updates(decoder, report, size - 1, sizeof report, &length));
+    nvsp_decoder_destroy(decoder);
+    nvsp_collector_destroy(collector);
+    nvsp_sender_destroy(sender);
+}
+
 // An encoder that learns sees nothing new on a wall that it knows; a library that does not learn says so.
 static void check_learning(void) {
     nvsp_encoder *encoder = NULL;
@@ -222,6 +276,7 @@ int main(int argc, char **argv) {
     check_refused();
     check_options();
     check_link();
+    check_reports();
     check_learning();
     for (int k = 0; k < UPDATES; k++) {
         free(updates[k].bytes);
