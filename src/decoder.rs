@@ -377,22 +377,23 @@ impl Decoder {
 
     /// What renders for a camera.
     fn camera_decoder(&mut self, camera: &Camera) -> Result<&mut CameraDecoder, Error> {
-        let camera = *camera;
-        let plan = || Plan { depths: true, ..Plan::picture() };
-        let view = match self.camera_decoder.take() {
-            Some(view) if view.camera == camera => view,
-            _ => CameraDecoder {
-                camera,
-                renderer: self.engine.renderer(&self.scene, &camera, plan())?,
-                depths: Vec::new(),
-                residual: ResidualDecoder::new(
-                    camera.width,
-                    camera.height,
-                    self.scene.coder_tables(),
-                ),
-            },
-        };
-        Ok(self.camera_decoder.insert(view))
+        if self.camera_decoder.as_ref().is_some_and(|view| view.camera != *camera) {
+            // The new one takes its room on the device.
+            self.camera_decoder = None;
+        }
+        match &mut self.camera_decoder {
+            Some(view) => Ok(view),
+            none => {
+                let plan = Plan { depths: true, ..Plan::picture() };
+                let (width, height) = (camera.width, camera.height);
+                Ok(none.insert(CameraDecoder {
+                    camera: *camera,
+                    renderer: self.engine.renderer(&self.scene, camera, plan)?,
+                    depths: Vec::new(),
+                    residual: ResidualDecoder::new(width, height, self.scene.coder_tables()),
+                }))
+            }
+        }
     }
 }
 
