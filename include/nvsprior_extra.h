@@ -367,8 +367,8 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_get_learning(struct nvsp_encoder *encoder, struct nvsp_learning *learning) NVSP_NONNULL(1, 2);
 
 // Takes an update that the vehicle sent, or one of an earlier dive. Packets that are drawn with it can be decoded from
-// here on; those of some updates before still can. Give updates in their order. One with number 1 begins anew: the
-// vehicle has lost what it had learnt.
+// here on; those of some updates before still can. Give updates in their order. One that is there already changes
+// nothing. One that stands on an earlier state begins a new chain there: the vehicle has lost what came after.
 //
 // Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior
 // was opened without NVSP_PRIOR_UPDATES. Nothing changes then.
@@ -376,7 +376,7 @@ nvsp_status nvsp_encoder_get_learning(struct nvsp_encoder *encoder, struct nvsp_
 // Parameters:
 // - `update`: the update. Read during the call. Not NULL.
 // - `size`: bytes of `update`.
-// - `number`: receives the update's number. Not NULL.
+// - `number`: receives the number of the newest update that is held. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_add_update(struct nvsp_decoder *decoder,
                                     const uint8_t *update,

@@ -165,8 +165,8 @@ pub extern "C" fn nvsp_encoder_get_learning(
 }
 
 /// Takes an update that the vehicle sent, or one of an earlier dive. Packets that are drawn with it can be decoded from
-/// here on; those of some updates before still can. Give updates in their order. One with number 1 begins anew: the
-/// vehicle has lost what it had learnt.
+/// here on; those of some updates before still can. Give updates in their order. One that is there already changes
+/// nothing. One that stands on an earlier state begins a new chain there: the vehicle has lost what came after.
 ///
 /// Fails with NVSP_ERR_UPDATE, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_NEWER, NVSP_ERR_MEMORY, or NVSP_ERR_STATE if the prior
 /// was opened without NVSP_PRIOR_UPDATES. Nothing changes then.
@@ -174,7 +174,7 @@ pub extern "C" fn nvsp_encoder_get_learning(
 /// # Safety
 /// - `update`: the update. Read during the call. Not NULL.
 /// - `size`: bytes of `update`.
-/// - `number`: receives the update's number. Not NULL.
+/// - `number`: receives the number of the newest update that is held. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_add_update(
     decoder: Option<&nvsp_decoder>,
