@@ -1926,8 +1926,9 @@ typedef struct nvsp_collector_options {
 typedef struct nvsp_collected {
   uint32_t struct_size;
   uint32_t abi_version;
-  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
-  // unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN, and but for `stream` with NVSP_EVENT_UPDATE.
+  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. With
+  // NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set, with NVSP_EVENT_UPDATE `stream` alone. Else
+  // they are zero.
   uint32_t event;
   // Stream of the packet.
   uint32_t stream;

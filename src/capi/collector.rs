@@ -76,8 +76,9 @@ pub const NVSP_EVENT_UPDATE: u32 = 7;
 pub struct nvsp_collected {
     pub struct_size: u32,
     pub abi_version: u32,
-    /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. The other fields are zero
-    /// unless it is NVSP_EVENT_COMPLETE or NVSP_EVENT_GROWN, and but for `stream` with NVSP_EVENT_UPDATE.
+    /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. With
+    /// NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set, with NVSP_EVENT_UPDATE `stream` alone. Else
+    /// they are zero.
     pub event: u32,
     /// Stream of the packet.
     pub stream: u32,

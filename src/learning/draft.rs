@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::prior::{Learnt, LearntSplat, NewSplat, PriorId, Update};
+use crate::prior::{Learnt, NewSplat, PriorId, Update};
 use crate::render::training::{TrainingFrame, TrainingState};
 
 use super::key_frame::KeyFrame;
@@ -64,9 +64,4 @@ impl Draft {
         let fades = Vec::new();
         (Update { prior, number, before, grid, splats, removed, changed, fades, frames }, parts)
     }
-}
-
-/// Where learnt splats are.
-pub fn places(splats: &[LearntSplat]) -> impl Iterator<Item = DVec3> {
-    splats.iter().map(|splat| DVec3::from(splat.position.map(f64::from)))
 }

@@ -1,7 +1,5 @@
 //! Learnt splats that do harm: what they showed has gone, or looks different from here.
 
-use glam::DVec3;
-
 use crate::Picture;
 use crate::prior::LearntSplat;
 
@@ -28,7 +26,7 @@ impl Harms<'_> {
     pub fn add(&mut self, key: &KeyFrame, with: &Picture, without: &Picture) {
         let (width, height) = (f64::from(key.camera.width), f64::from(key.camera.height));
         for (splat, (sum, count)) in self.splats.iter().zip(&mut self.sums) {
-            let Some(([x, y], z)) = key.seen(DVec3::from(splat.position.map(f64::from))) else {
+            let Some(([x, y], z)) = key.seen(splat.centre()) else {
                 continue;
             };
             let size = splat.log_scale.iter().fold(f32::MIN, |a, b| a.max(*b)).exp();

@@ -17,7 +17,7 @@ use crate::{Camera, Engine, Error, Picture, Pose, Rate};
 use super::LearnOptions;
 use super::cells::{Shown, Start, add_starts};
 use super::crop::{camera_of, corner_around, part_size};
-use super::draft::{Draft, places};
+use super::draft::Draft;
 use super::harm::Harms;
 use super::held_out::{HeldOut, HeldOuts};
 use super::judge::{Judge, pays};
@@ -272,15 +272,18 @@ impl Learner {
         let frames = all.map(training).collect();
         self.held_out.clear();
         let count = starts.len();
-        let places = starts.iter().map(|start| start.position).chain(places(&splats)).collect();
+        let places = starts
+            .iter()
+            .map(|start| start.position)
+            .chain(splats.iter().map(LearntSplat::centre))
+            .collect();
         Ok(Some(Draft { base, removed, again, course, frames, places, count, step: 0 }))
     }
 
     /// The learnt splats that the key frames show, without those that go; `most` of them.
     fn again(&self, removed: &[u16], most: usize) -> Vec<u16> {
         let seen = |splat: &LearntSplat| {
-            let point = DVec3::from(splat.position.map(f64::from));
-            self.kept.iter().any(|kept| kept.frame.pixel_of(point).is_some())
+            self.kept.iter().any(|kept| kept.frame.pixel_of(splat.centre()).is_some())
         };
         let all = (0..).zip(self.learnt.splats());
         let shown =

@@ -75,7 +75,7 @@ impl Course {
             set(OPACITY, i, FIRST_LOGIT);
         }
         for (i, splat) in (starts.len()..).zip(learnt) {
-            let position = (DVec3::from(splat.position.map(f64::from)) - self.centre).as_vec3();
+            let position = (splat.centre() - self.centre).as_vec3();
             for k in 0..3 {
                 set(POSITION + k, i, position[k as usize]);
                 set(LOG_SCALE + k, i, splat.log_scale[k as usize]);

@@ -56,8 +56,8 @@ struct Print {
 impl Print {
     /// `None`: it does not show.
     fn of(key: &KeyFrame, part: &Part) -> Option<Print> {
-        let LearntSplat { position, log_scale, rotation: [w, x, y, z], logit, .. } = part.splat;
-        let centre = DVec3::from(position.map(f64::from));
+        let LearntSplat { log_scale, rotation: [w, x, y, z], logit, .. } = part.splat;
+        let centre = part.splat.centre();
         let ([px, py], depth) = key.seen(centre)?;
         let [fx, fy] = [key.camera.fx, key.camera.fy].map(f64::from);
         let p = key.pose.rotation * centre + key.pose.translation;

@@ -129,21 +129,32 @@ static void check_options(void) {
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_create(MTU, &own, &collector));
 }
 
-// Both updates over a link that loses every seventh modem frame.
-static void check_link(void) {
-    nvsp_sender *sender = NULL;
-    nvsp_collector *collector = NULL;
-    nvsp_decoder *decoder = NULL;
+static nvsp_sender *sender;
+static nvsp_collector *collector;
+static nvsp_decoder *decoder;  // Another topside than that of `both`.
+
+static void open_link(uint32_t flags) {
     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
     options.bit_rate = 20000;
     options.frame_rate = 3;
     options.loss = 0.2;
-    options.flags = NVSP_SENDER_UPDATES;
+    options.flags = flags;
     nvsp_collector_options own = NVSP_INITIALIZER(nvsp_collector_options);
     own.update_bytes = 4000;
     MUST(nvsp_sender_create(MTU, &options, &sender));
     MUST(nvsp_collector_create(MTU, &own, &collector));
     MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+}
+
+static void close_link(void) {
+    nvsp_decoder_destroy(decoder);
+    nvsp_collector_destroy(collector);
+    nvsp_sender_destroy(sender);
+}
+
+// Both updates over a link that loses every seventh modem frame.
+static void check_link(void) {
+    open_link(NVSP_SENDER_UPDATES);
     uint32_t held = 0, added = 0, frames = 0;
     EXPECT(NVSP_PENDING, nvsp_sender_held_update(sender, &held));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_held_update(sender, NULL));
@@ -186,25 +197,12 @@ static void check_link(void) {
     EXPECT(NVSP_OK, nvsp_encoder_announce(both.encoder));
     const nvsp_decoded decoded = show(both.encoder, decoder, 3, 1);
     CHECK((decoded.flags & NVSP_DECODED_UPDATE_MISSING) == 0);
-    nvsp_decoder_destroy(decoder);
-    nvsp_collector_destroy(collector);
-    nvsp_sender_destroy(sender);
+    close_link();
 }
 
 // With reports: the vehicle knows of an update once the topside has told that it holds it.
 static void check_reports(void) {
-    nvsp_sender *sender = NULL;
-    nvsp_collector *collector = NULL;
-    nvsp_decoder *decoder = NULL;
-    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
-    options.bit_rate = 20000;
-    options.frame_rate = 3;
-    options.flags = NVSP_SENDER_UPDATES | NVSP_SENDER_EXPECT_REPORTS;
-    nvsp_collector_options own = NVSP_INITIALIZER(nvsp_collector_options);
-    own.update_bytes = 4000;
-    MUST(nvsp_sender_create(MTU, &options, &sender));
-    MUST(nvsp_collector_create(MTU, &own, &collector));
-    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+    open_link(NVSP_SENDER_UPDATES | NVSP_SENDER_EXPECT_REPORTS);
     uint8_t frame[MTU], packet[8192], update[4000], report[256];
     uint32_t budget = 0, number = 0, added = 0;
     size_t size = 0, length = 0;
@@ -240,9 +238,7 @@ static void check_reports(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_decoder_tell_updates(decoder, NULL, size, sizeof report, &length));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_tell_updates(decoder, report, sizeof report + 1, sizeof report, &length));
     EXPECT(NVSP_ERR_MODEM, nvsp_decoder_tell_updates(decoder, report, size - 1, sizeof report, &length));
-    nvsp_decoder_destroy(decoder);
-    nvsp_collector_destroy(collector);
-    nvsp_sender_destroy(sender);
+    close_link();
 }
 
 // An encoder that learns sees nothing new on a wall that it knows; a library that does not learn says so.

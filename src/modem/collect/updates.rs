@@ -21,7 +21,7 @@ pub struct Updates {
     room: usize,
     /// The sources while they are put together.
     sources: Vec<u8>,
-    /// Names of the updates that were taken, and where the next one is noted.
+    /// Names of the updates that were taken, and the index for the next name.
     taken: Vec<UpdateName>,
     next: usize,
     /// Number of the update that was taken last, modulo 256.

@@ -37,6 +37,14 @@ pub struct LearntSplat {
     pub colour: [f32; 3],
 }
 
+#[cfg(feature = "training")]
+impl LearntSplat {
+    /// Its position.
+    pub(crate) fn centre(&self) -> glam::DVec3 {
+        self.position.map(f64::from).into()
+    }
+}
+
 impl NewSplat {
     /// The splat in steps that looks most like one. Its axes are named so that the rotation is the smallest, since
     /// small rotations take the fewest bytes. Values out of range become the nearest ones in it; NaN becomes 0.

@@ -1,4 +1,4 @@
-//! The updates of the packets that are decoded: where they lie, and when the decoder gets them.
+//! Finds the updates that packets need, and gives each to the decoder when it is due.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
