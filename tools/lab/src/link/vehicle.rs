@@ -95,8 +95,8 @@ impl Vehicle {
         };
         let mut encoder = Encoder::new(engine, scene, &footage.camera, options)?;
         let sender = sender(setting)?;
-        if let Some(price) = sender.update_price() {
-            encoder.learn(&LearnOptions { price, ..LearnOptions::default() })?;
+        if setting.updates.is_some() {
+            encoder.learn(&LearnOptions::default())?;
         }
         Ok(Vehicle {
             encoder,
@@ -139,7 +139,7 @@ impl Vehicle {
             inter: stats.reference.is_some(),
             update: self.encoder.learnt().number(),
         });
-        self.send_update(ready)
+        self.learn(ready)
     }
 
     /// Draws with the update that waits, once the topside holds it.
@@ -151,9 +151,11 @@ impl Vehicle {
         }
     }
 
-    /// Sends the update that the last frame proved. What the sender has no room for is dropped.
-    fn send_update(&mut self, now: f64) -> anyhow::Result<()> {
-        let Some(update) = self.encoder.take_update()? else { return Ok(()) };
+    /// Learns from the last frame, and sends the update that it proves. What the sender has no room for is dropped.
+    fn learn(&mut self, now: f64) -> anyhow::Result<()> {
+        let Some(price) = self.sender.update_price() else { return Ok(()) };
+        self.encoder.learn_more(price)?;
+        let Some(update) = self.encoder.take_update() else { return Ok(()) };
         match self.sender.push_update(now, &update) {
             Err(ModemError::UpdatesFull { .. } | ModemError::UpdateTooLong { .. }) => {
                 self.encoder.drop_update();
