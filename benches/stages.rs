@@ -109,7 +109,7 @@ fn code(criterion: &mut Criterion) {
     let latent = Latent::new(0, scene.id(), &scene::CAMERA, pose.expect("a pose in range"), false)
         .expect("a camera that fits the header");
     let (camera, residual) = (Some(scene::CAMERA), coded.residual);
-    let packet = Packet { latent, camera, render: None, residual };
+    let packet = Packet { latent, camera, render: None, residual, truth: None };
     let bytes = packet.encode().expect("a packet");
     let mut group = criterion.benchmark_group("packet");
     group.bench_function("encode", |b| b.iter(|| black_box(&packet).encode()));

@@ -8,6 +8,7 @@ use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, S
 use crate::prior::{Learnt, StateId, Update};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
+use crate::truth::{self, TruthDecoder, TruthMap};
 use crate::{Camera, Engine, Error, Picture, Pose};
 
 use states::States;
@@ -44,6 +45,8 @@ pub struct Decoded {
     /// saw. In the short form the camera that drew last, or the newest one, is taken for its camera. Ask the vehicle
     /// for its updates. `None`: this side holds all that it needs.
     pub missing_update: Option<u8>,
+    /// How far the picture is from what the camera saw.
+    pub truth: TruthMap,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
 }
@@ -67,6 +70,7 @@ struct CameraDecoder {
     camera: Camera,
     renderer: Renderer,
     residual: ResidualDecoder,
+    truth: TruthDecoder,
     /// Depths of the render's pixels, if the frame has a reference.
     depths: Vec<f32>,
 }
@@ -311,6 +315,12 @@ impl Decoder {
             Ok((rows, damage)) => (damage.or(camera_damage), rows),
             Err(error) => (Some(error), 0),
         };
+        decoded.truth.reset(width, height);
+        // Of another picture than the vehicle's, nothing is known.
+        if missing.is_none() && decoded.same_render != Some(false) {
+            let Decoded { rows, picture, truth, .. } = decoded;
+            view.read_truth(&arrived, *rows > 0, picture, truth);
+        }
         self.last_frame = Some(frame);
         Ok(())
     }
@@ -391,6 +401,7 @@ impl Decoder {
                     renderer: self.engine.renderer(&self.scene, camera, plan)?,
                     depths: Vec::new(),
                     residual: ResidualDecoder::new(width, height, self.scene.coder_tables()),
+                    truth: TruthDecoder::new(width, height),
                 }))
             }
         }
@@ -422,6 +433,27 @@ impl CameraDecoder {
             self.depths.resize(self.camera.pixels(), 0.0);
         }
         Ok(viewpoint)
+    }
+
+    /// Reads what the packet tells of its picture. `added`: some of the residual was added.
+    fn read_truth(
+        &mut self,
+        arrived: &Arrived,
+        added: bool,
+        picture: &Picture,
+        map: &mut TruthMap,
+    ) {
+        let Arrived { salvage, trust, frame, .. } = *arrived;
+        let Some(bytes) = salvage.truth else { return };
+        let of_map = match &salvage.residual {
+            Ok(Residual::None | Residual::Omitted) => truth::Arrived::All,
+            Ok(_) if added => truth::Arrived::All,
+            Err(_) if added && trust == Trust::Start => {
+                truth::Arrived::Start { render: self.renderer.rendered(), picture: &picture.data }
+            }
+            _ => return,
+        };
+        self.truth.decode(frame, bytes, of_map, map);
     }
 
     /// Turns the render into the picture. Returns the rows that a residual reached, and what was damaged.

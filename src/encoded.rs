@@ -16,6 +16,8 @@ pub struct FrameStats {
     pub bytes: usize,
     /// Bytes of its latent part.
     pub latent_bytes: usize,
+    /// Bytes of its truth map; 0: it has none, or one that takes none.
+    pub truth_bytes: usize,
     /// PSNR of the render at the quantised pose against the treated frame, over the pixels that count, dB.
     ///
     /// The frame is treated as the prior's [`preprocessing`](crate::Prior::preprocessing) says, if it has one. Do not
@@ -89,5 +91,7 @@ impl Encoded {
 /// The largest packet about a picture of this size, in either profile and with all its parts, bytes.
 pub fn packet_bound(width: u32, height: u32) -> usize {
     let fixed = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
-    fixed + residual_part_len(Reference::LONGEST + max_payload_len(width, height))
+    // A truth map takes 8 % of a packet at most.
+    let residual = residual_part_len(Reference::LONGEST + max_payload_len(width, height));
+    fixed + residual + residual / 8
 }

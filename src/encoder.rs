@@ -5,7 +5,7 @@ use std::time::Instant;
 
 #[cfg(feature = "training")]
 use crate::frame_work::FoundFrame;
-use crate::frame_work::{FrameWork, TrackedStream};
+use crate::frame_work::{Coders, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 #[cfg(feature = "training")]
 use crate::learning::{Beside, LearnOptions, LearnerStats};
@@ -15,9 +15,7 @@ use crate::packet::{
 };
 use crate::prior::Learnt;
 use crate::render::{Plan, Scene};
-use crate::residual::{
-    Acknowledged, Interest, Mode, ResidualCoder, ResidualEncoder, ResidualSetup, Viewpoint,
-};
+use crate::residual::{Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Viewpoint};
 use crate::tracking::{
     Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
 };
@@ -57,6 +55,9 @@ pub struct EncoderOptions {
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
+    /// Packets tell how far the picture is from what the camera saw: see [`crate::truth`]. Not with WebP, and not if
+    /// there is no [`rate`](EncoderOptions::rate).
+    pub truth: bool,
     /// Frames come already treated as the prior's [`preprocessing`](crate::Prior::preprocessing) says. The encoder then
     /// leaves them as they are; else it treats them.
     pub frames_treated: bool,
@@ -82,6 +83,7 @@ impl Default for EncoderOptions {
             check_interval: 0,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
+            truth: false,
             frames_treated: false,
         }
     }
@@ -99,7 +101,7 @@ pub struct Encoder {
     interest: Option<Arc<Interest>>,
     /// Treats frames as the prior's pictures were.
     preprocessor: Preprocessor,
-    residual: ResidualEncoder,
+    coders: Coders,
     work: FrameWork,
     /// Renders by level before the frame.
     renders_before: Vec<u32>,
@@ -143,12 +145,7 @@ impl Encoder {
             mask: None,
             interest: None,
             preprocessor: preprocessor(scene, &options),
-            residual: ResidualEncoder::new(&residual_setup(
-                engine,
-                scene,
-                camera,
-                options.residual,
-            )),
+            coders: Coders::new(&residual_setup(engine, scene, camera, options.residual)),
             options,
             work: FrameWork::default(),
             renders_before: Vec::new(),
@@ -191,7 +188,7 @@ impl Encoder {
                 (camera.width, camera.height) == (self.camera.width, self.camera.height);
             self.camera = *camera;
             if !same_size {
-                self.residual = ResidualEncoder::new(&self.residual_setup());
+                self.coders = Coders::new(&self.residual_setup());
             }
             #[cfg(feature = "training")]
             self.go_on_learning();
@@ -266,7 +263,7 @@ impl Encoder {
         self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
-        self.residual = ResidualEncoder::new(&self.residual_setup());
+        self.coders = Coders::new(&self.residual_setup());
         #[cfg(feature = "training")]
         self.go_on_learning();
         Ok(())
@@ -325,7 +322,7 @@ impl Encoder {
     /// As [`Encoder::encode_into`], for a frame that was filled in.
     pub(crate) fn encode_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let found = self.track(work)?;
-        work.code(&mut self.residual)?;
+        work.code(&mut self.coders)?;
         self.keep(work, &found);
         #[cfg(feature = "training")]
         self.keep_to_learn(work, &work.encoded.render);
@@ -387,6 +384,7 @@ impl Encoder {
         let camera = self.camera_due().then_some(self.camera);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
+        work.has_truth = self.options.truth && self.options.residual == ResidualCoder::Wavelet;
         let renderer = self.tracker.objective().renderer();
         work.render.resize(self.camera.width, self.camera.height);
         work.render.data.copy_from_slice(renderer.rendered());

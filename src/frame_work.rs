@@ -9,6 +9,7 @@ use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
     Viewpoint,
 };
+use crate::truth::{Base, Compared, TruthEncoder};
 use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 
 /// A frame on its way through the encoder. Buffers are kept from frame to frame.
@@ -29,6 +30,8 @@ pub(crate) struct FrameWork {
     pub has_render_check: bool,
     pub rate: Option<Rate>,
     pub residual: Option<ResidualSetup>,
+    /// A truth map is wanted.
+    pub has_truth: bool,
     /// What it may be predicted from; `None`: it is coded by itself.
     pub stream: Option<TrackedStream>,
     /// Depths of the render; in streams only.
@@ -70,22 +73,18 @@ impl FrameWork {
     }
 
     /// Codes the frame's difference picture. Writes the packet and the picture that the topside will show to `encoded`.
-    pub fn code(&mut self, residual: &mut ResidualEncoder) -> Result<(), Error> {
+    pub fn code(&mut self, coders: &mut Coders) -> Result<(), Error> {
         let mut encoded = std::mem::take(&mut self.encoded);
-        let coded = self.code_into(residual, &mut encoded);
+        let coded = self.code_into(coders, &mut encoded);
         self.encoded = encoded;
         coded
     }
 
-    fn code_into(
-        &mut self,
-        residual: &mut ResidualEncoder,
-        encoded: &mut Encoded,
-    ) -> Result<(), Error> {
+    fn code_into(&mut self, coders: &mut Coders, encoded: &mut Encoded) -> Result<(), Error> {
         let since = Instant::now();
-        residual.set_interest(self.interest.as_ref());
+        coders.residual.set_interest(self.interest.as_ref());
         let latent = self.latent.ok_or(Error::NoStart { frame: self.stats.frame })?;
-        let rate_kept = self.write_packet(latent, residual, encoded)?;
+        let rate_kept = self.write_packet(latent, coders, encoded)?;
         encoded.pose = self.pose;
         std::mem::swap(&mut encoded.stats, &mut self.stats);
         let [render_psnr, psnr] =
@@ -148,11 +147,12 @@ impl FrameWork {
     fn write_packet(
         &mut self,
         latent: Latent,
-        residual: &mut ResidualEncoder,
+        coders: &mut Coders,
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
         let render = self.has_render_check.then(|| RenderCheck::of(&self.render));
-        let mut packet = Packet { latent, camera: self.camera, render, residual: Residual::None };
+        let camera = self.camera;
+        let packet = Packet { latent, camera, render, residual: Residual::None, truth: None };
         let Some(rate) = self.coders_rate() else {
             encoded.picture.clone_from(&self.render);
             packet.write(&mut encoded.packet)?;
@@ -164,9 +164,39 @@ impl FrameWork {
         {
             return Err(Error::Budget { budget, needed });
         }
+        if self.stream.as_ref().is_none_or(|stream| stream.first) {
+            coders.residual.forget();
+        }
+        if self.camera.is_some() {
+            // The topside may lack what came before.
+            coders.truth.forget();
+        }
+        let reserved = if self.has_truth { reserved(coders.truth.needed(), rate) } else { 0 };
+        match self.write_with(packet, rate, reserved, coders, encoded)? {
+            Written::Done { reached } => Ok(reached),
+            Written::TruthNeeds(reserved) => {
+                match self.write_with(packet, rate, reserved, coders, encoded)? {
+                    Written::Done { reached } => Ok(reached),
+                    Written::TruthNeeds(_) => Ok(false),
+                }
+            }
+        }
+    }
+
+    /// Codes the difference picture, and writes the packet. `reserved`: bytes of the budget that are kept for the truth
+    /// map. If it needs more, nothing is written.
+    fn write_with(
+        &mut self,
+        packet: Packet,
+        rate: Rate,
+        reserved: usize,
+        coders: &mut Coders,
+        encoded: &mut Encoded,
+    ) -> Result<Written, Error> {
+        let Coders { residual, truth } = coders;
         let (frame, render) = (&self.frame, &self.render);
         // The coder counts the check of the full form.
-        let others = needed - packet.latent.spared_check();
+        let others = packet.encoded_len() - packet.latent.spared_check() + reserved;
         let in_stream = self.stream.as_ref().map(|stream| InStream {
             frame: StreamFrame {
                 frame: self.stats.frame,
@@ -176,22 +206,69 @@ impl FrameWork {
             structure: stream.structure,
             acknowledged: &stream.acknowledged,
         });
-        if self.stream.as_ref().is_none_or(|stream| stream.first) {
-            residual.forget();
-        }
         let coded = match &in_stream {
             Some(stream) => residual.encode_in_stream(frame, render, rate, others, stream)?,
             None => residual.encode(frame, render, rate, others)?,
         };
-        packet.residual = coded.residual;
+        let mut packet = Packet { residual: coded.residual, ..packet };
         let reached = coded.reached;
         encoded.picture.clone_from(coded.reconstruction);
+        self.stats.truth_bytes = 0;
+        if self.has_truth {
+            let base = match packet.residual {
+                Residual::None | Residual::Omitted => Base::Picture,
+                Residual::Stream { reference: Some(_), .. } => Base::Unknown,
+                Residual::Coded { .. } | Residual::Stream { .. } => Base::Render(render),
+            };
+            let (picture, mask) = (&encoded.picture, self.mask.as_deref());
+            let compared = Compared { frame, picture, base, mask };
+            let limit = truth_limit(&packet, rate);
+            let more = self::reserved(truth.compare(self.stats.frame, &compared), rate);
+            if more > limit.max(reserved) {
+                return Ok(Written::TruthNeeds(more));
+            }
+            let bare = packet.encoded_len();
+            packet.truth = truth.encode(self.stats.frame, limit);
+            self.stats.truth_bytes = packet.encoded_len() - bare;
+        }
         packet.write(&mut encoded.packet)?;
         self.stats.reference = reference_of(&packet.residual, self.stats.frame);
         if let Some(stream) = in_stream {
             residual.keep(&stream.frame, &self.render);
         }
-        Ok(reached)
+        Ok(Written::Done { reached })
+    }
+}
+
+/// What came of writing a packet.
+enum Written {
+    Done {
+        reached: bool,
+    },
+    /// The truth map needs so many bytes of the budget.
+    TruthNeeds(usize),
+}
+
+/// Most bytes of a truth map in a packet of so many: 8 %, but six, which a small packet needs for any map at all.
+fn truth_share(packet: usize) -> usize {
+    const PERCENT: usize = 8;
+    const LEAST: usize = 6;
+    (PERCENT * packet / 100).max(LEAST)
+}
+
+/// Bytes of a budget that are kept for a truth map that needs so many.
+fn reserved(needed: usize, rate: Rate) -> usize {
+    match rate {
+        Rate::Bytes(budget) => needed.min(truth_share(budget)),
+        Rate::Quality(_) | Rate::Psnr(_) => 0,
+    }
+}
+
+/// Most bytes of a packet's truth map.
+fn truth_limit(packet: &Packet, rate: Rate) -> usize {
+    match rate {
+        Rate::Bytes(budget) => packet.truth_room(budget).min(truth_share(budget)),
+        Rate::Quality(_) | Rate::Psnr(_) => truth_share(packet.encoded_len()),
     }
 }
 
@@ -204,12 +281,25 @@ fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
     }
 }
 
-/// Codes the difference pictures of frames. Keeps the coder for as long as frames ask for the same.
+/// Codes what a packet holds beside the pose.
+pub(crate) struct Coders {
+    residual: ResidualEncoder,
+    truth: TruthEncoder,
+}
+
+impl Coders {
+    pub fn new(setup: &ResidualSetup) -> Coders {
+        let truth = TruthEncoder::new(setup.width, setup.height);
+        Coders { residual: ResidualEncoder::new(setup), truth }
+    }
+}
+
+/// Codes frames. Keeps the coders for as long as frames ask for the same.
 #[derive(Default)]
-pub(crate) struct Coder(Option<(ResidualSetup, ResidualEncoder)>);
+pub(crate) struct Coder(Option<(ResidualSetup, Coders)>);
 
 impl Coder {
-    /// Whether the frame needs another coder than the one before.
+    /// Whether the frame needs other coders than the one before.
     #[cfg(feature = "capi")]
     pub fn changes(&self, work: &FrameWork) -> bool {
         let same = |(own, _): &(ResidualSetup, _)| {
@@ -221,13 +311,13 @@ impl Coder {
     /// See [`FrameWork::code`].
     pub fn code(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let setup = work.residual.take().ok_or(Error::NoStart { frame: work.stats.frame })?;
-        let (_, coder) = match self.0.take() {
+        let (_, coders) = match self.0.take() {
             Some(same) if same.0.is_as(&setup) => self.0.insert(same),
             _ => {
-                let coder = ResidualEncoder::new(&setup);
-                self.0.insert((setup, coder))
+                let coders = Coders::new(&setup);
+                self.0.insert((setup, coders))
             }
         };
-        work.code(coder)
+        work.code(coders)
     }
 }

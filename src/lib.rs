@@ -44,6 +44,7 @@ pub mod random;
 pub mod render;
 pub mod residual;
 pub mod tracking;
+pub mod truth;
 #[allow(unsafe_code)]
 pub mod vulkan;
 

@@ -152,6 +152,34 @@ impl<'a> RangeDecoder<'a> {
     }
 }
 
+/// Codes a bit, and returns it. A reader does not look at the bit that it is given.
+pub trait Bits {
+    fn bit(&mut self, one: Probability, bit: bool) -> bool;
+}
+
+impl Bits for RangeEncoder<'_> {
+    fn bit(&mut self, one: Probability, bit: bool) -> bool {
+        self.put(bit, one);
+        bit
+    }
+}
+
+/// Reads a stream that is whole: zeros follow it.
+pub struct WholeReader<'a>(RangeDecoder<'a>);
+
+impl<'a> WholeReader<'a> {
+    pub fn new(bytes: &'a [u8]) -> WholeReader<'a> {
+        WholeReader(RangeDecoder::new(bytes, Tail::Zeros))
+    }
+}
+
+impl Bits for WholeReader<'_> {
+    fn bit(&mut self, one: Probability, _: bool) -> bool {
+        // If zeros follow, every bit can be told.
+        self.0.get(one).unwrap_or(false)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

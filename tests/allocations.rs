@@ -70,7 +70,7 @@ fn packet(frame: u32) -> Vec<u8> {
     let latent = Latent::new(frame, PriorId(7), &CAMERA, at, false).unwrap();
     let payload = [frame as u8; 100];
     let residual = Residual::Coded { coder: Coder::Vp8, payload: &payload };
-    Packet { latent, camera: None, render: None, residual }.encode().unwrap()
+    Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
 /// Sends packets over a link that loses every third share; heap calls of it.

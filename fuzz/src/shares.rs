@@ -142,7 +142,7 @@ fn packet(sent: &Sent) -> Vec<u8> {
     let latent = latent.shortened(PriorId(7), &camera).expect("small");
     let payload: Vec<u8> = (0..sent.payload).map(|i| i ^ sent.frame as u8).collect();
     let residual = Residual::Coded { coder: Coder::Vp8, payload: &payload };
-    Packet { latent, camera: None, render: None, residual }.encode().expect("a packet")
+    Packet { latent, camera: None, render: None, residual, truth: None }.encode().expect("a packet")
 }
 
 /// Flips a bit of a share; may make its check right again.

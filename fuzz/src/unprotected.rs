@@ -88,7 +88,7 @@ fn packet(sent: &Sent) -> Vec<u8> {
         None => Residual::None,
     };
     let camera = sent.camera.then_some(camera);
-    Packet { latent, camera, render: None, residual }.encode().expect("a packet")
+    Packet { latent, camera, render: None, residual, truth: None }.encode().expect("a packet")
 }
 
 /// The frame, and whether it is as it was sent.

@@ -78,6 +78,12 @@ pub enum PacketError {
     ShortPose,
     #[error("unknown residual coder {0}")]
     Coder(u8),
+    /// A truth map goes with the wavelet coder alone.
+    #[error("a truth map beside a residual of coder {0}: send none")]
+    TruthCoder(u8),
+    /// The bytes are no truth map.
+    #[error("a truth map that is no map")]
+    Truth,
     #[error("residual part: {0} bytes, too few to name its reference frame")]
     Reference(usize),
     #[error("residual part: length beyond {max} bytes", max = MAX_PAYLOAD)]

@@ -21,7 +21,7 @@
 //! | 0–1 | pose profile: 1 compact, 2 paper, 3 short |
 //! | 2 | the pose is not certain: the picture does not confirm it |
 //! | 3 | the camera part follows |
-//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 to 4 its [`Coder`], 5 of a stream |
+//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 to 4 its [`Coder`], 5 of a stream; 6: the residual part begins with a truth map; 7: none, and all of the picture is as seen |
 //! | 7 | the render part follows |
 //!
 //! It has 31 bytes in the compact profile, one frame of the smallest modems, and 43 in the paper's.
@@ -69,6 +69,10 @@
 //! |---|---|
 //! | 1 | how many frames before this one it came, 1 to 255; 0: the frame is intra, and the tag is not there |
 //! | 2 | its tag, see below |
+//!
+//! With code 6 the payload begins with the [truth map](crate::truth), which tells its own length. The lowest two bits of
+//! its first byte say what follows it: 0 no residual, as none was asked for; 1 none, as the budget holds none; 2 the
+//! wavelet coder's bytes; 3 those of a frame of a stream, from its reference on.
 //!
 //! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
 //! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of
@@ -125,6 +129,7 @@ pub mod pose;
 mod render;
 mod residual;
 mod session;
+pub(crate) mod truth;
 
 use crate::Camera;
 
@@ -167,6 +172,8 @@ pub struct Packet<'a> {
     pub render: Option<RenderCheck>,
     /// The difference picture.
     pub residual: Residual<'a>,
+    /// The truth map of the picture, as [`crate::truth`] writes it; `None`: none is sent. Not with VP8 or WebP.
+    pub truth: Option<&'a [u8]>,
 }
 
 /// What a packet with damaged parts still gives.
@@ -183,6 +190,9 @@ pub struct Salvage<'a> {
     /// The residual's start, if only its end is missing. Nothing checks it. Use it only if the
     /// bytes are known to be the undamaged start of a packet.
     pub residual_start: Option<ResidualStart<'a>>,
+    /// The truth map; `None`: none was sent, or it is missing in part. If the residual is damaged, it is as reliable as
+    /// `residual_start`.
+    pub truth: Option<&'a [u8]>,
 }
 
 impl<'a> Packet<'a> {
@@ -203,7 +213,7 @@ impl<'a> Packet<'a> {
         let follows = Follows {
             camera: self.camera.is_some(),
             render: self.render.is_some(),
-            residual: residual::code_of(&self.residual),
+            residual: residual::code_of(&self.residual, self.truth)?,
         };
         self.latent.write(&follows, bytes)?;
         let latent_len = bytes.len();
@@ -214,21 +224,31 @@ impl<'a> Packet<'a> {
             let part = render::encode(check, &bytes[..latent_len]);
             bytes.extend_from_slice(&part);
         }
-        residual::write(&self.residual, latent_len, Check::of(self.latent.form()), bytes)
+        let check = Check::of(self.latent.form());
+        residual::write(&self.residual, self.truth, latent_len, check, bytes)
     }
 
     /// Length of [`Packet::encode`]'s bytes.
     pub fn encoded_len(&self) -> usize {
         let camera = if self.camera.is_some() { CAMERA_PART_LEN } else { 0 };
         let render = if self.render.is_some() { RENDER_PART_LEN } else { 0 };
-        let residual = residual::encoded_len(&self.residual, Check::of(self.latent.form()));
+        let check = Check::of(self.latent.form());
+        let residual = residual::encoded_len(&self.residual, self.truth, check);
         self.latent.encoded_len() + camera + render + residual
+    }
+
+    /// Length of the longest truth map with which the packet has at most `budget` bytes.
+    pub(crate) fn truth_room(&self, budget: usize) -> usize {
+        let check = Check::of(self.latent.form());
+        let own = residual::encoded_len(&self.residual, self.truth, check);
+        let others = self.encoded_len() - own;
+        residual::truth_room(&self.residual, check, budget.saturating_sub(others))
     }
 
     /// Reads a packet; all its parts must be valid.
     pub fn decode(bytes: &'a [u8]) -> Result<Packet<'a>, PacketError> {
-        let Salvage { latent, camera, render, residual, .. } = Packet::salvage(bytes)?;
-        Ok(Packet { latent, camera: camera?, render: render?, residual: residual? })
+        let Salvage { latent, camera, render, residual, truth, .. } = Packet::salvage(bytes)?;
+        Ok(Packet { latent, camera: camera?, render: render?, residual: residual?, truth })
     }
 
     /// Reads what is valid in a truncated or damaged packet.
@@ -252,9 +272,9 @@ impl<'a> Packet<'a> {
             (Ok(None), rest)
         };
         let check = Check::of(latent.form());
-        let (residual, residual_start) =
-            residual::decode(follows.residual, rest, latent_bytes, check);
-        Ok(Salvage { latent, camera, render, residual, residual_start })
+        let found = residual::decode(follows.residual, rest, latent_bytes, check);
+        let residual::Found { residual, start: residual_start, truth } = found;
+        Ok(Salvage { latent, camera, render, residual, residual_start, truth })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Packet, PacketError, Part, Residual, ResidualStart, Salvage};
+use super::{Packet, PacketError, Part, Residual, ResidualStart, Salvage, truth};
 
 /// What [`Packet::salvage`] found in some bytes. [`Parsed::of`] those bytes it is the same again, at no cost.
 #[derive(Clone, Debug)]
@@ -13,6 +13,8 @@ pub struct Parsed {
     payload: Range<usize>,
     /// Where the payload of its start lies.
     start: Range<usize>,
+    /// Where the truth map lies.
+    truth: Option<Range<usize>>,
 }
 
 impl Parsed {
@@ -21,14 +23,18 @@ impl Parsed {
     /// # Errors
     /// If the latent part is not valid: the packet is then of no use.
     pub fn of(bytes: &[u8]) -> Result<Parsed, PacketError> {
-        let Salvage { latent, camera, render, residual, residual_start } = Packet::salvage(bytes)?;
+        let Salvage { latent, camera, render, residual, residual_start, truth } =
+            Packet::salvage(bytes)?;
         let payload = residual.as_ref().map_or(&[][..], Residual::payload);
         let start = residual_start.map_or(&[][..], |start| start.payload);
         let (payload, start) = (range_in(bytes, payload), range_in(bytes, start));
         let residual = residual.map(|residual| residual.with_payload(&[]));
         let residual_start = residual_start.map(|start| ResidualStart { payload: &[], ..start });
-        let salvage = Salvage { latent, camera, render, residual, residual_start };
-        Ok(Parsed { salvage, payload, start })
+        // A map that the flags alone tell lies nowhere.
+        let told = truth.filter(|truth| *truth == truth::ALL_SEEN).map(|_| truth::ALL_SEEN);
+        let truth = if told.is_some() { None } else { truth.map(|part| range_in(bytes, part)) };
+        let salvage = Salvage { latent, camera, render, residual, residual_start, truth: told };
+        Ok(Parsed { salvage, payload, start, truth })
     }
 
     /// What was found, without payloads.
@@ -38,7 +44,8 @@ impl Parsed {
 
     /// What was found in `bytes`, which it was read from; they may have lost padding since.
     pub(crate) fn salvage<'a>(&self, bytes: &'a [u8]) -> Salvage<'a> {
-        let Salvage { latent, camera, render, residual, residual_start } = self.salvage.clone();
+        let Salvage { latent, camera, render, residual, residual_start, truth } =
+            self.salvage.clone();
         Salvage {
             latent,
             camera,
@@ -53,6 +60,7 @@ impl Parsed {
                 let end = self.start.end.min(bytes.len());
                 ResidualStart { payload: &bytes[self.start.start.min(end)..end], ..start }
             }),
+            truth: truth.or_else(|| bytes.get(self.truth.clone()?)),
         }
     }
 }

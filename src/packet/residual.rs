@@ -3,6 +3,7 @@
 use super::bytes::{Reader, crc16};
 use super::error::{MAX_PAYLOAD, PacketError, Part};
 use super::form::Form;
+use super::truth;
 
 /// What a part ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +52,10 @@ const CODE_NONE: u8 = 0;
 const CODE_OMITTED: u8 = 1;
 /// [`Residual::Stream`]: coded by the wavelet coder.
 const CODE_STREAM: u8 = 5;
+/// The part begins with a truth map.
+const CODE_TRUTH: u8 = 6;
+/// [`Residual::None`], and all of the picture is as seen.
+const CODE_ALL_SEEN: u8 = 7;
 
 /// How a difference picture is coded; the number is the code in a packet's flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,20 +171,32 @@ pub fn residual_part_len(payload: usize) -> usize {
     len_with(payload, Check::Crc32)
 }
 
-/// Bytes in front of the payload, and the payload; `None` if there is no part.
-fn content<'a>(residual: &Residual<'a>) -> Option<([u8; 3], usize, &'a [u8])> {
+/// Bytes of a reference in front of the payload, and how many there are.
+fn front(residual: &Residual) -> ([u8; 3], usize) {
     match *residual {
-        Residual::None | Residual::Omitted => None,
-        Residual::Coded { payload, .. } => Some(([0; 3], 0, payload)),
-        Residual::Stream { reference, payload } => {
-            Some((Reference::bytes(reference), Reference::encoded_len(reference), payload))
+        Residual::Stream { reference, .. } => {
+            (Reference::bytes(reference), Reference::encoded_len(reference))
         }
+        _ => ([0; 3], 0),
+    }
+}
+
+/// Whether a part is written, which says more than the flags do.
+fn is_written(residual: &Residual, truth: Option<&[u8]>) -> bool {
+    match residual {
+        Residual::None => truth.is_some_and(|truth| truth != truth::ALL_SEEN),
+        Residual::Omitted => truth.is_some(),
+        Residual::Coded { .. } | Residual::Stream { .. } => true,
     }
 }
 
 /// Length of a residual's part, bytes.
-pub(super) fn encoded_len(residual: &Residual, check: Check) -> usize {
-    content(residual).map_or(0, |(_, front, payload)| len_with(front + payload.len(), check))
+pub(super) fn encoded_len(residual: &Residual, truth: Option<&[u8]>, check: Check) -> usize {
+    if !is_written(residual, truth) {
+        return 0;
+    }
+    let (_, front) = front(residual);
+    len_with(truth.map_or(0, <[u8]>::len) + front + residual.payload().len(), check)
 }
 
 /// Length of the part that holds a payload, bytes.
@@ -187,30 +204,66 @@ fn len_with(payload: usize, check: Check) -> usize {
     length_field(payload).count() + payload + check.len()
 }
 
-/// What the flags say about a residual.
-pub(super) fn code_of(residual: &Residual) -> u8 {
-    match residual {
+/// Length of the longest truth map with which a residual's part has at most `budget` bytes.
+pub(super) fn truth_room(residual: &Residual, check: Check, budget: usize) -> usize {
+    let content = budget.saturating_sub(check.len());
+    let (_, front) = front(residual);
+    let others = length_field(content).count() + front + residual.payload().len();
+    // Without a residual, a map by which all is as seen takes no byte.
+    let free = usize::from(matches!(residual, Residual::None));
+    content.saturating_sub(others).max(free)
+}
+
+/// What the flags say about a residual and a truth map.
+pub(super) fn code_of(residual: &Residual, truth: Option<&[u8]>) -> Result<u8, PacketError> {
+    let code = match residual {
         Residual::None => CODE_NONE,
         Residual::Omitted => CODE_OMITTED,
         Residual::Coded { coder, .. } => *coder as u8,
         Residual::Stream { .. } => CODE_STREAM,
+    };
+    match truth {
+        None => Ok(code),
+        Some(_) if !is_written(residual, truth) => Ok(CODE_ALL_SEEN),
+        Some(_) => follower(residual).map(|_| CODE_TRUTH),
+    }
+}
+
+/// What a truth map says of the residual after it.
+fn follower(residual: &Residual) -> Result<u8, PacketError> {
+    match residual {
+        Residual::None => Ok(0),
+        Residual::Omitted => Ok(1),
+        Residual::Coded { coder: Coder::Wavelet, .. } => Ok(2),
+        Residual::Stream { .. } => Ok(3),
+        Residual::Coded { coder, .. } => Err(PacketError::TruthCoder(*coder as u8)),
     }
 }
 
 /// Appends the part, if there is one, to a packet that begins with `latent_len` bytes of latent part.
 pub(super) fn write(
     residual: &Residual,
+    truth: Option<&[u8]>,
     latent_len: usize,
     check: Check,
     packet: &mut Vec<u8>,
 ) -> Result<(), PacketError> {
-    let Some((bytes, front, payload)) = content(residual) else { return Ok(()) };
-    let length = front + payload.len();
+    if !is_written(residual, truth) {
+        return Ok(());
+    }
+    let ((bytes, front), payload) = (front(residual), residual.payload());
+    let truth = truth.map(<[u8]>::split_first);
+    let truth = truth.map(|split| split.ok_or(PacketError::Truth)).transpose()?;
+    let length = truth.map_or(0, |(_, rest)| 1 + rest.len()) + front + payload.len();
     if length > MAX_PAYLOAD {
         return Err(PacketError::PayloadLength);
     }
     let start = packet.len();
     packet.extend(length_field(length));
+    if let Some((first, rest)) = truth {
+        packet.push(first & !truth::FOLLOWER | follower(residual)?);
+        packet.extend_from_slice(rest);
+    }
     packet.extend_from_slice(&bytes[..front]);
     packet.extend_from_slice(payload);
     let bytes = check.bytes(&packet[..latent_len], &packet[start..]);
@@ -218,50 +271,125 @@ pub(super) fn write(
     Ok(())
 }
 
-/// Reads the residual; if only its end is missing, also its start.
-pub(super) fn decode<'a>(
-    code: u8,
-    bytes: &'a [u8],
-    latent: &[u8],
-    check: Check,
-) -> (Result<Residual<'a>, PacketError>, Option<ResidualStart<'a>>) {
-    let coder = match code {
-        CODE_NONE => return (Ok(Residual::None), None),
-        CODE_OMITTED => return (Ok(Residual::Omitted), None),
-        code if code == Coder::Vp8 as u8 => Coder::Vp8,
-        code if code == Coder::WebP as u8 => Coder::WebP,
-        code if code == Coder::Wavelet as u8 || code == CODE_STREAM => Coder::Wavelet,
-        code => return (Err(PacketError::Coder(code)), None),
+/// What the bytes after the fixed parts hold.
+pub(super) struct Found<'a> {
+    pub residual: Result<Residual<'a>, PacketError>,
+    /// The residual's start, if only its end is missing.
+    pub start: Option<ResidualStart<'a>>,
+    /// The truth map, if all of it is there.
+    pub truth: Option<&'a [u8]>,
+}
+
+impl<'a> Found<'a> {
+    fn without_part(residual: Result<Residual<'a>, PacketError>) -> Found<'a> {
+        Found { residual, start: None, truth: None }
+    }
+}
+
+/// Reads the residual and the truth map; if only the residual's end is missing, also its start.
+pub(super) fn decode<'a>(code: u8, bytes: &'a [u8], latent: &[u8], check: Check) -> Found<'a> {
+    let kind = match code {
+        CODE_NONE => return Found::without_part(Ok(Residual::None)),
+        CODE_OMITTED => return Found::without_part(Ok(Residual::Omitted)),
+        CODE_ALL_SEEN => {
+            return Found {
+                truth: Some(truth::ALL_SEEN),
+                ..Found::without_part(Ok(Residual::None))
+            };
+        }
+        code if code == Coder::Vp8 as u8 => Kind::Coded(Coder::Vp8),
+        code if code == Coder::WebP as u8 => Kind::Coded(Coder::WebP),
+        code if code == Coder::Wavelet as u8 => Kind::Coded(Coder::Wavelet),
+        CODE_STREAM => Kind::Stream,
+        CODE_TRUTH => return with_truth(bytes, latent, check),
+        code => return Found::without_part(Err(PacketError::Coder(code))),
     };
-    let is_stream = code == CODE_STREAM;
     match checked(bytes, latent, check) {
-        Ok((_, payload)) if is_stream => (stream(payload), None),
-        Ok((_, payload)) => (Ok(Residual::Coded { coder, payload }), None),
-        Err(error) => (Err(error), start(coder, is_stream, bytes, check)),
+        Ok((_, payload)) => Found::without_part(kind.residual(payload)),
+        Err(error) => {
+            let start = cut_content(bytes, check).and_then(|(start, len)| kind.start(start, len));
+            Found { residual: Err(error), start, truth: None }
+        }
     }
 }
 
-/// A stream's residual of all bytes of its part.
-fn stream(bytes: &[u8]) -> Result<Residual<'_>, PacketError> {
-    match Reference::read(bytes) {
-        Some((reference, payload)) => Ok(Residual::Stream { reference, payload }),
-        None => Err(PacketError::Reference(bytes.len())),
+/// Reads a part that begins with a truth map.
+fn with_truth<'a>(bytes: &'a [u8], latent: &[u8], check: Check) -> Found<'a> {
+    let whole = checked(bytes, latent, check);
+    let (content, len) = match &whole {
+        Ok((_, content)) => (*content, content.len()),
+        Err(_) => match cut_content(bytes, check) {
+            Some(cut) => cut,
+            None => return Found::without_part(whole.map(|_| Residual::None)),
+        },
+    };
+    let Some((truth, payload)) = truth::split(content) else {
+        return Found::without_part(Err(whole.err().unwrap_or(PacketError::Truth)));
+    };
+    let kind = Kind::of_follower(truth[0] & truth::FOLLOWER);
+    let (residual, start) = match whole {
+        Ok(_) => (kind.residual(payload), None),
+        Err(error) => (Err(error), kind.start(payload, len - truth.len())),
+    };
+    Found { residual, start, truth: Some(truth) }
+}
+
+/// What a residual's part holds.
+#[derive(Clone, Copy)]
+enum Kind {
+    None,
+    Omitted,
+    Coded(Coder),
+    Stream,
+}
+
+impl Kind {
+    fn of_follower(follower: u8) -> Kind {
+        match follower {
+            0 => Kind::None,
+            1 => Kind::Omitted,
+            2 => Kind::Coded(Coder::Wavelet),
+            _ => Kind::Stream,
+        }
+    }
+
+    /// The residual of all bytes of its part.
+    fn residual(self, bytes: &[u8]) -> Result<Residual<'_>, PacketError> {
+        match self {
+            Kind::None => Ok(Residual::None),
+            Kind::Omitted => Ok(Residual::Omitted),
+            Kind::Coded(coder) => Ok(Residual::Coded { coder, payload: bytes }),
+            Kind::Stream => match Reference::read(bytes) {
+                Some((reference, payload)) => Ok(Residual::Stream { reference, payload }),
+                None => Err(PacketError::Reference(bytes.len())),
+            },
+        }
+    }
+
+    /// The start of a payload whose end is missing. `len`: of the whole, the reference included.
+    fn start(self, bytes: &[u8], len: usize) -> Option<ResidualStart<'_>> {
+        let (coder, reference, payload) = match self {
+            Kind::None | Kind::Omitted => return None,
+            Kind::Coded(coder) => (coder, None, bytes),
+            Kind::Stream => {
+                let (reference, payload) = Reference::read(bytes)?;
+                (Coder::Wavelet, reference, payload)
+            }
+        };
+        Some(ResidualStart { coder, reference, payload, payload_len: len })
     }
 }
 
-/// The start of a payload whose end is missing.
-fn start(coder: Coder, is_stream: bool, bytes: &[u8], check: Check) -> Option<ResidualStart<'_>> {
-    let (payload_len, field) = read_length(bytes).ok()?;
-    let end = field + payload_len;
-    let cut = bytes.len() < end + check.len();
-    let payload = &bytes[field..bytes.len().min(end)];
-    let (reference, payload) = if is_stream { Reference::read(payload)? } else { (None, payload) };
-    cut.then_some(ResidualStart { coder, reference, payload, payload_len })
+/// What there is of a part's content, if its end is missing, and how long it would be.
+fn cut_content(bytes: &[u8], check: Check) -> Option<(&[u8], usize)> {
+    let (len, field) = read_length(bytes).ok()?;
+    let end = field + len;
+    (bytes.len() < end + check.len()).then(|| (&bytes[field..bytes.len().min(end)], len))
 }
 
 /// Whether the flags say that a residual part follows, perhaps of an unknown coder.
 pub(super) fn has_part(code: u8) -> bool {
-    code > CODE_OMITTED
+    !matches!(code, CODE_NONE | CODE_OMITTED | CODE_ALL_SEEN)
 }
 
 /// Length of the part that `bytes` begin with, bytes.

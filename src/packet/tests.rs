@@ -22,7 +22,7 @@ fn latent(profile: PoseProfile) -> Latent {
 
 fn packet(profile: PoseProfile, camera: bool, residual: Residual<'_>) -> Packet<'_> {
     let (latent, camera) = (latent(profile), camera.then_some(CAMERA));
-    Packet { latent, camera, render: None, residual }
+    Packet { latent, camera, render: None, residual, truth: None }
 }
 
 fn coded(payload: &[u8]) -> Residual<'_> {
@@ -65,7 +65,7 @@ fn a_stream_names_its_references() {
     for part in [&[][..], &[3], &[3, 1]] {
         let mut bytes = none[..SHORT_LATENT_LEN].to_vec();
         let as_coded = Residual::Coded { coder: Coder::Wavelet, payload: part };
-        residual::write(&as_coded, SHORT_LATENT_LEN, Check::Crc16, &mut bytes).unwrap();
+        residual::write(&as_coded, None, SHORT_LATENT_LEN, Check::Crc16, &mut bytes).unwrap();
         let found = Packet::salvage(&bytes).unwrap().residual;
         assert_eq!(found, Err(PacketError::Reference(part.len())));
         assert_eq!(found.unwrap_err().part(), Some(Part::Residual));
@@ -172,7 +172,8 @@ fn a_frame_drawn_with_updates_names_the_newest() {
     assert_eq!((full.encoded_len(), short.encoded_len()), (31, LEARNT_SHORT_LEN));
     assert_eq!((full.version(), short.version()), (8, 13));
     for (latent, start) in [(full, "b8050403 02"), (short, "bd070403 03")] {
-        let packet = Packet { latent, camera: None, render: None, residual: Residual::None };
+        let packet =
+            Packet { latent, camera: None, render: None, residual: Residual::None, truth: None };
         let bytes = packet.encode().unwrap();
         assert_eq!(hex(&bytes[..5]), start.replace(' ', ""));
         assert_eq!(Packet::decode(&bytes), Ok(packet));
@@ -295,9 +296,9 @@ fn the_extent_of_what_is_no_packet() {
     let mut endless = bytes.clone();
     endless[49..53].fill(0xFF);
     assert_eq!(Extent::read(&endless), Err(PacketError::PayloadLength));
-    // A future coder has a part of the same form.
+    // A truth map has a part of the same form.
     let mut latent = Vec::new();
-    let follows = Follows { camera: false, render: false, residual: 7 };
+    let follows = Follows { camera: false, render: false, residual: 6 };
     self::latent(PoseProfile::Compact).write(&follows, &mut latent).unwrap();
     assert_eq!(Extent::read(&latent).map(|extent| extent.total), Ok(None));
     assert_eq!(Extent::read(&[&latent[..], &[9]].concat()).unwrap().total, Some(31 + 14));
@@ -328,14 +329,42 @@ fn names_what_is_wrong() {
 }
 
 #[test]
-fn an_unknown_coder_leaves_the_latent() {
-    let latent = latent(PoseProfile::Compact);
-    let mut bytes = Vec::new();
-    let follows = Follows { camera: false, render: false, residual: 7 };
-    latent.write(&follows, &mut bytes).unwrap();
-    let salvage = Packet::salvage(&bytes).unwrap();
-    assert_eq!(salvage.latent, latent);
-    assert_eq!(salvage.residual, Err(PacketError::Coder(7)));
+fn truth_maps_come_back() {
+    let map = &[0b0001_0100, 0x13, 5, 6, 7][..];
+    let all_seen = &[0b0010_0000][..];
+    let coded = Residual::Coded { coder: Coder::Wavelet, payload: b"abc" };
+    for residual in [Residual::None, Residual::Omitted, coded, intra(b""), intra(b"abc")] {
+        for map in [super::truth::ALL_SEEN, all_seen, map] {
+            let packet = Packet { truth: Some(map), ..packet(PoseProfile::Short, false, residual) };
+            let bytes = packet.encode().unwrap();
+            assert_eq!(bytes.len(), packet.encoded_len());
+            let found = Packet::decode(&bytes).unwrap();
+            assert_eq!(found.residual, residual);
+            let mut truth = found.truth.unwrap().to_vec();
+            truth[0] &= !0b11;
+            assert_eq!(truth, map);
+            // It is no longer than it may be.
+            let bare = Packet { truth: None, ..packet };
+            assert_eq!(bare.truth_room(bytes.len()).min(map.len()), map.len(), "{residual:?}");
+            // Of a packet that is cut, a map that is whole is left.
+            let parsed = Parsed::of(&bytes).unwrap();
+            assert_eq!(parsed.salvage(&bytes).truth, found.truth);
+            for len in SHORT_LATENT_LEN..bytes.len() {
+                let salvage = Packet::salvage(&bytes[..len]).unwrap();
+                let is_whole = len >= SHORT_LATENT_LEN + 1 + map.len();
+                assert_eq!(salvage.truth.is_some(), is_whole, "{residual:?}, {len}");
+                assert!(salvage.residual.is_err());
+            }
+        }
+    }
+    let none = packet(PoseProfile::Short, false, Residual::None);
+    let all_seen = Packet { truth: Some(super::truth::ALL_SEEN), ..none };
+    assert_eq!(all_seen.encoded_len(), none.encoded_len(), "it takes no byte");
+    let vp8 = Residual::Coded { coder: Coder::Vp8, payload: b"abc" };
+    let vp8 = Packet { truth: Some(map), ..packet(PoseProfile::Short, false, vp8) };
+    assert_eq!(vp8.encode(), Err(PacketError::TruthCoder(2)));
+    let empty = Packet { truth: Some(&[]), ..none };
+    assert_eq!(empty.encode(), Err(PacketError::Truth));
 }
 
 #[test]
@@ -473,7 +502,7 @@ prop_compose! {
         };
         let latent = update.map_or(latent, |number| latent.with_update(number));
         let camera = (with_camera && !latent.is_short()).then_some(camera);
-        Packet { latent, camera, render, residual }
+        Packet { latent, camera, render, residual, truth: None }
     }
 }
 
@@ -584,7 +613,8 @@ fn the_short_form_refuses_what_it_cannot_hold() {
     let fine = latent(PoseProfile::Compact);
     assert_eq!(fine.shortened(PRIOR, &CAMERA), Ok(fine), "its pose is too fine");
     let latent = Latent { session: Session::Tagged(1), ..fine };
-    let forced = Packet { latent, camera: None, render: None, residual: Residual::None };
+    let forced =
+        Packet { latent, camera: None, render: None, residual: Residual::None, truth: None };
     assert_eq!(forced.encode(), Err(PacketError::ShortPose));
     let mut bytes = packet(PoseProfile::Short, false, Residual::None).encode().unwrap();
     bytes[1] |= 8;
@@ -615,7 +645,8 @@ fn quarter_turns_fit_the_short_form() {
         assert!(code.dequantise(&FRAME).angle_to(&pose) < 3e-4);
         let latent = Latent::new(7, PRIOR, &CAMERA, code, false).unwrap();
         let latent = latent.shortened(PRIOR, &CAMERA).unwrap();
-        let packet = Packet { latent, camera: None, render: None, residual: Residual::None };
+        let packet =
+            Packet { latent, camera: None, render: None, residual: Residual::None, truth: None };
         assert_eq!(Packet::decode(&packet.encode().unwrap()), Ok(packet));
     }
 }

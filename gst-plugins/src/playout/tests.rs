@@ -22,7 +22,7 @@ fn packet(frame: u32) -> Vec<u8> {
     let latent = latent.shortened(PriorId(7), &camera).unwrap();
     let payload: Vec<u8> = (0..120).map(|k| (k * 7 + frame) as u8).collect();
     let residual = Residual::Coded { coder: Coder::Wavelet, payload: &payload };
-    Packet { latent, camera: None, render: None, residual }.encode().unwrap()
+    Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
 /// Its shares: some yield the picture, more yield all.

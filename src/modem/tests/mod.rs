@@ -38,7 +38,9 @@ pub fn packet_of(recipe: Recipe) -> Vec<u8> {
         Some(len) => Residual::Coded { coder: Coder::Vp8, payload: noise(frame, len).leak() },
         None => Residual::None,
     };
-    Packet { latent, camera: camera.then_some(CAMERA), render: None, residual }.encode().unwrap()
+    Packet { latent, camera: camera.then_some(CAMERA), render: None, residual, truth: None }
+        .encode()
+        .unwrap()
 }
 
 pub fn noise(seed: u32, len: usize) -> Vec<u8> {

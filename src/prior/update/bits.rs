@@ -2,35 +2,7 @@
 //!
 //! One function describes both ways: a writer takes the number that it is given, a reader gives the one that it finds.
 
-use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder, Tail};
-
-/// Codes a bit, and returns it. A reader does not look at the bit that it is given.
-pub trait Bits {
-    fn bit(&mut self, one: Probability, bit: bool) -> bool;
-}
-
-impl Bits for RangeEncoder<'_> {
-    fn bit(&mut self, one: Probability, bit: bool) -> bool {
-        self.put(bit, one);
-        bit
-    }
-}
-
-/// Reads a stream that is whole: zeros follow it.
-pub struct Reader<'a>(RangeDecoder<'a>);
-
-impl<'a> Reader<'a> {
-    pub fn new(bytes: &'a [u8]) -> Reader<'a> {
-        Reader(RangeDecoder::new(bytes, Tail::Zeros))
-    }
-}
-
-impl Bits for Reader<'_> {
-    fn bit(&mut self, one: Probability, _: bool) -> bool {
-        // If zeros follow, every bit can be told.
-        self.0.get(one).unwrap_or(false)
-    }
-}
+use crate::range_coder::{Bits, EVEN, Probability};
 
 /// Bits of even odds: the lowest `count` of a number, at most 32.
 pub fn plain(coder: &mut impl Bits, count: u32, value: u32) -> u32 {
@@ -160,6 +132,8 @@ impl Size {
 mod tests {
     use proptest::prelude::*;
 
+    use crate::range_coder::{RangeEncoder, WholeReader};
+
     use super::*;
 
     fn written(code: impl Fn(&mut RangeEncoder)) -> Vec<u8> {
@@ -188,7 +162,7 @@ mod tests {
                     plain(coder, 32, value.cast_unsigned());
                 }
             });
-            let mut reader = Reader::new(&bytes);
+            let mut reader = WholeReader::new(&bytes);
             let (mut signed, mut magnitude) = models();
             for value in values {
                 prop_assert_eq!(signed.code(&mut reader, 0), value);

@@ -1,8 +1,9 @@
 //! Changes of learnt splats, as bits: which splats, then each number by what is known of the numbers beside it.
 
-use super::bits::{Bits, Chance, Magnitude, Size};
+use super::bits::{Chance, Magnitude, Size};
 use super::change::Change;
 use super::limits::MAX_LEARNT;
+use crate::range_coder::Bits;
 use crate::range_coder::EVEN;
 
 /// Codes changes, of which a reader knows how many there are. The reason, if they cannot be read.

@@ -2,11 +2,11 @@
 
 use super::super::id::PriorId;
 use super::UpdateError;
-use super::bits::Reader;
 use super::body::Body;
 use super::content::Update;
 use super::state::StateId;
 use crate::range_coder::RangeEncoder;
+use crate::range_coder::WholeReader;
 
 /// How an update starts.
 pub const MAGIC: &[u8] = b"nvsu";
@@ -70,7 +70,7 @@ impl Update {
             return Err(UpdateError::Newer { version: content[4], known: VERSION });
         }
         let refuse = |reason| UpdateError::Field { offset: HEADER, reason };
-        let body = Body::default().code(&mut Reader::new(coded)).map_err(refuse)?;
+        let body = Body::default().code(&mut WholeReader::new(coded)).map_err(refuse)?;
         let word = |at: usize| std::array::from_fn(|i| content[at + i]);
         let update = Update {
             prior: PriorId::from_bytes(word(5)),

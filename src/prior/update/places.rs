@@ -3,7 +3,8 @@
 //! The order of the splats tells nothing, so it costs nothing: they come back in the order of the tree, which is that
 //! of the Morton curve.
 
-use super::bits::{Bits, Magnitude};
+use super::bits::Magnitude;
+use crate::range_coder::Bits;
 use crate::range_coder::Probability;
 
 /// Sorts splats into the order of the tree.
@@ -135,9 +136,9 @@ const SURE: u16 = 64;
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::bits::Reader;
     use super::*;
     use crate::range_coder::RangeEncoder;
+    use crate::range_coder::WholeReader;
 
     fn written(positions: &[[i32; 3]]) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -161,7 +162,7 @@ mod tests {
             sort(&mut sorted, |position| *position);
             let bytes = written(&sorted);
             let mut read = vec![[0; 3]; sorted.len()];
-            code(&mut Reader::new(&bytes), &mut read);
+            code(&mut WholeReader::new(&bytes), &mut read);
             prop_assert_eq!(&read, &sorted);
             let mut whole = positions;
             whole.sort_unstable();

@@ -1,5 +1,6 @@
 //! `nvsprior decode`: packets in, pictures out.
 
+mod truth;
 mod updates;
 
 use std::path::{Path, PathBuf};
@@ -12,6 +13,7 @@ use nvsprior::{Decoded, Decoder, Error, Trust};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::{frame_file, values};
+use truth::TruthArgs;
 use updates::Updates;
 
 /// Decode packets to pictures, with the prior alone
@@ -29,6 +31,8 @@ pub struct Args {
     /// Folder for the pictures; made if it is missing
     #[arg(long, value_name = "DIR")]
     frames: PathBuf,
+    #[command(flatten)]
+    truth: TruthArgs,
     /// The packets come from `nvsprior join`: of those that are not complete, show what came
     #[arg(long)]
     joined: bool,
@@ -53,6 +57,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = values::files(&args.packets, "nvsp", "packets")?;
     values::make_folder("--frames", &args.frames)?;
+    args.truth.check()?;
     let engine = args.device.open()?;
     let (scene, mut updates) = Updates::upload(args, &engine, &packets)?;
     let mut decoder = Decoder::new(&engine, &scene);
@@ -155,7 +160,8 @@ fn decode(
         eprintln!("{}: {damage}; the render alone is written", path.display());
     }
     let name = path.with_extension("png");
-    let name = name.file_name().context("a packet without a name")?;
+    let name = Path::new(name.file_name().context("a packet without a name")?);
     frame_file::write_png(&args.frames.join(name), &decoded.picture)?;
+    args.truth.write(name, &decoded.picture, &decoded.truth)?;
     Ok(decoded)
 }

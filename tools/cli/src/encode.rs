@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
-use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Error, Mode, Picture, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
@@ -125,6 +125,12 @@ struct RateArgs {
     /// render is the same; 0: never
     #[arg(long, value_name = "FRAMES", default_value_t = 0)]
     render_check: u32,
+    /// Send a truth map with each packet: it tells which parts of the picture are not what the camera saw
+    #[arg(long, overrides_with = "no_truth")]
+    truth: bool,
+    /// Leave the truth map out (the default)
+    #[arg(long)]
+    no_truth: bool,
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
     #[arg(long, value_enum, default_value = "compact")]
     profile: ProfileArg,
@@ -224,6 +230,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         eprintln!("the device is not portable: every frame is an intra frame");
     }
     options.check_interval = args.rate.render_check;
+    options.truth = args.rate.truth;
     options.short = !args.rate.full_latent;
     options.frames_treated = args.frames_treated;
     options.profile = match args.rate.profile {
@@ -270,6 +277,25 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Encodes a frame. If a budget does not even hold pose and camera, these alone are sent.
+fn encode_at_least(
+    args: &Args,
+    encoder: &mut Encoder,
+    input: &Input,
+) -> anyhow::Result<(Picture, Encoded)> {
+    let failed = match input.encode(encoder) {
+        Err(error) => error,
+        encoded => return encoded,
+    };
+    let Some(Error::Budget { needed, .. }) = failed.downcast_ref() else { return Err(failed) };
+    encoder.set_rate(Some(Rate::Bytes(*needed)));
+    let encoded = input.encode(encoder);
+    encoder.set_rate(args.rate.rate());
+    let (frame, mut encoded) = encoded?;
+    encoded.stats.rate_kept = false;
+    Ok((frame, encoded))
+}
+
 /// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
 fn encode(
     args: &Args,
@@ -277,7 +303,7 @@ fn encode(
     dive_file: Option<&mut DiveFile>,
     input: &Input,
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
-    let (frame, encoded) = input.encode(encoder)?;
+    let (frame, encoded) = encode_at_least(args, encoder, input)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;

@@ -20,13 +20,14 @@ pub struct Row {
 type Figure = (&'static str, fn(&FrameStats) -> f64);
 
 /// The figures that have a mean.
-const FIGURES: [Figure; 7] = [
+const FIGURES: [Figure; 8] = [
     ("bytes", |s| s.bytes as f64),
     ("latent_bytes", |s| s.latent_bytes as f64),
     ("render_psnr", |s| s.render_psnr),
     ("psnr", |s| s.psnr),
     ("full_renders", |s| f64::from(s.full_renders)),
     ("milliseconds", |s| s.milliseconds),
+    ("truth_bytes", |s| s.truth_bytes as f64),
     // The share of them.
     ("certain", |s| f64::from(u8::from(s.certain))),
 ];
@@ -44,6 +45,7 @@ fn frame(row: &Row) -> Value {
         "time": row.time,
         "bytes": s.bytes,
         "latent_bytes": s.latent_bytes,
+        "truth_bytes": s.truth_bytes,
         "update_bytes": row.update_bytes,
         "render_psnr": s.render_psnr,
         "psnr": s.psnr,
@@ -94,7 +96,7 @@ pub fn print(rows: &[Row]) {
             if s.rate_kept { "" } else { ", rate not kept" },
         );
     }
-    let [bytes, _, render, psnr, renders, ms, _] = FIGURES.map(|(_, figure)| mean(rows, figure));
+    let [bytes, _, render, psnr, renders, ms, ..] = FIGURES.map(|(_, figure)| mean(rows, figure));
     println!("{:24} {bytes:7.0} {render:9.2} {psnr:9.2} {renders:8.1} {ms:9.1}", "mean");
     let lost = rows.iter().filter(|row| !row.stats.certain).count();
     if lost > 0 {

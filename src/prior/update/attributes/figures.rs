@@ -4,11 +4,11 @@
 use glam::{DQuat, DVec3};
 
 use super::super::super::id::PriorId;
-use super::super::bits::Bits;
 use super::super::places;
 use super::super::{LearntSplat, NewSplat, StateId, Update, UpdateGrid};
 use super::Attributes;
 use crate::random::Random;
+use crate::range_coder::Bits;
 use crate::range_coder::Probability;
 
 /// Adds up what bits cost.

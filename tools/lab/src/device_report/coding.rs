@@ -94,7 +94,7 @@ impl Coders<'_> {
         let latent = Latent { portable, ..latent };
         // The first packet tells the topside the camera.
         let camera = (!std::mem::replace(&mut self.told, true)).then_some(*camera);
-        let bare = Packet { latent, camera, render: None, residual: Residual::None };
+        let bare = Packet { latent, camera, render: None, residual: Residual::None, truth: None };
         let since = Instant::now();
         let coded =
             self.encoder.encode(picture, &render, Rate::Bytes(budget), bare.encoded_len())?;
