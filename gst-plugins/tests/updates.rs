@@ -15,23 +15,8 @@ use fixture::{Fixture, Given, Pipeline, fixture, pose_text, psnr};
 use gst::glib;
 use gst::prelude::*;
 use nvsprior::prior::UpdateChain;
-use nvsprior::{Picture, Pose, Prior, RenderOptions};
-use scene::{CAMERA, clean_frame, wall};
-
-/// The wall, and a box before it that the prior does not show.
-fn with_box() -> Prior {
-    let mut splats = wall(1).splats().clone();
-    for k in 0..12 * 9 {
-        let (x, y) = (k % 12, k / 12);
-        splats.positions.push([-0.6 + 0.1 * x as f32, -0.4 + 0.1 * y as f32, 3.2]);
-        splats.log_scales.push([-2.6, -2.6, -5.0]);
-        splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
-        splats.opacity_logits.push(4.0);
-        let light = if (x / 4 + y / 3) % 2 == 0 { 1.4 } else { -1.4 };
-        splats.sh.extend([light, -light, 0.9]);
-    }
-    Prior::from_splats(splats, RenderOptions::INRIA).unwrap()
-}
+use nvsprior::{Picture, Pose};
+use scene::{CAMERA, clean_frame, wall, wall_with_box};
 
 /// A camera that goes along the wall and back, some pixels from frame to frame.
 fn dive_pose(index: usize) -> Pose {
@@ -46,11 +31,12 @@ const FRAMES: usize = 80;
 /// So many are enough to learn from.
 const FEW: usize = 32;
 
+/// The wall with a box that the prior does not show.
 fn frames() -> &'static [Picture] {
     static DIVE: OnceLock<Vec<Picture>> = OnceLock::new();
     DIVE.get_or_init(|| {
         let engine = common::engine();
-        let scene = engine.upload(&with_box()).unwrap();
+        let scene = engine.upload(&wall_with_box(1)).unwrap();
         (0..FRAMES).map(|t| clean_frame(&engine, &scene, &dive_pose(t))).collect()
     })
 }
@@ -184,13 +170,15 @@ fn over_a_lossy_link_both_sides_draw_with_what_the_vehicle_learnt() {
 
 #[test]
 fn without_a_link_the_decoder_says_that_it_holds_an_update() {
-    let text = format!("{} ! {}", vehicle("learn=60 rate=bytes bytes=300"), topside(""));
-    let pipeline = Pipeline::new(&text);
-    let shown = pipeline.run(&frames()[..FEW]);
-    let said = Said::of(&pipeline);
-    assert!(said.assert_same(&shown) > 10);
-    let (vehicle, topside) = (pipeline.stats("encoder"), pipeline.stats("decoder"));
-    assert_eq!((state(&vehicle), count(&topside, "outdated")), (state(&topside), 0));
+    for mode in ["intra", "stream"] {
+        let vehicle = vehicle(&format!("learn=60 rate=bytes bytes=300 mode={mode}"));
+        let pipeline = Pipeline::new(&format!("{vehicle} ! {}", topside("")));
+        let shown = pipeline.run(&frames()[..FEW]);
+        let said = Said::of(&pipeline);
+        assert!(said.assert_same(&shown) > 10, "{mode}");
+        let (vehicle, topside) = (pipeline.stats("encoder"), pipeline.stats("decoder"));
+        assert_eq!((state(&vehicle), count(&topside, "outdated")), (state(&topside), 0));
+    }
 }
 
 /// A topside that began in the middle gets the updates when they are repeated. Until then it says so, once.
