@@ -519,10 +519,7 @@ impl Encoder {
         let pose =
             QuantisedPose::quantise(&found.outcome.pose, &self.scene.coordinate_frame(), profile)?;
         let renderer = self.tracker.objective().renderer();
-        match self.options.mode {
-            Mode::Intra => renderer.draw_coded(&pose.words())?,
-            Mode::Stream(_) => renderer.draw_coded_deep(&pose.words())?,
-        }
+        renderer.draw_coded_as_planned(&pose.words())?;
         Ok(pose)
     }
 

@@ -12,9 +12,9 @@ use nvsprior::render::Scene;
 use nvsprior::residual::{ResidualCoder, ResidualError};
 use nvsprior::{
     Camera, Decoded, Decoder, Encoded, Encoder, EncoderOptions, Error, Mode, Packet, Picture,
-    Pipeline, Rate, Structure, Trust,
+    Pipeline, Pose, Rate, Structure, Trust,
 };
-use scene::{CAMERA, frame, pose, wall};
+use scene::{CAMERA, clean_frame, frame, pose, wall, wall_with_box};
 
 const CHAIN: Mode = Mode::Stream(Structure::Chain { key_every: 0 });
 
@@ -99,6 +99,25 @@ fn nothing_drifts_at_any_rate_and_structure() {
         }
     }
     assert_silent(&engine());
+}
+
+/// A fast dive past something new: after some searches the tracker draws a pose that none of them has drawn.
+#[test]
+fn nothing_drifts_however_the_search_ends() {
+    let at = |t: u8| {
+        let t = f64::from(t);
+        Pose::IDENTITY.stepped(&[1.5 - 0.15 * t, 0.02 * t, 0.0, 0.0, 0.0, 0.0])
+    };
+    let with_box = engine().upload(&wall_with_box(1)).unwrap();
+    let frames: Vec<_> = (0..12).map(|t| clean_frame(&engine(), &with_box, &at(t))).collect();
+    let (mut encoder, mut decoder) = (new_encoder(options(CHAIN)), new_decoder());
+    let mut inter = 0;
+    for (t, frame) in frames.iter().enumerate() {
+        let encoded = encoder.encode(frame, (t == 0).then(|| at(0))).unwrap();
+        inter += usize::from(encoded.stats.reference.is_some());
+        check_whole(&mut decoder, &encoded);
+    }
+    assert!(inter > 3, "{inter} inter frames");
 }
 
 #[test]

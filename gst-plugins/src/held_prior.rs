@@ -25,8 +25,12 @@ pub struct HeldPrior {
 }
 
 impl HeldPrior {
-    /// Opens the device, reads the prior and uploads it. That takes seconds.
-    pub fn open(settings: &PriorSettings) -> Result<HeldPrior, gst::ErrorMessage> {
+    /// Opens the device, reads the prior and uploads it, with room for updates if there will be some. That takes
+    /// seconds.
+    pub fn open(
+        settings: &PriorSettings,
+        for_updates: bool,
+    ) -> Result<HeldPrior, gst::ErrorMessage> {
         let Some(file) = &settings.prior else {
             let what = "give the file of the trained scene, .ply, .nvsg or .spz";
             let error = PropertyError::Missing("prior", what);
@@ -42,7 +46,11 @@ impl HeldPrior {
         let prior = Prior::open(Path::new(file), &Default::default()).map_err(|e| unread(&e))?;
         let engine = Engine::new(&options)
             .map_err(|error| gst::error_msg!(gst::ResourceError::OpenReadWrite, ("{error}")))?;
-        let scene = engine.upload(&prior).map_err(|e| unread(&e))?;
+        let uploaded = match for_updates {
+            true => engine.upload_for_updates(&prior),
+            false => engine.upload(&prior),
+        };
+        let scene = uploaded.map_err(|e| unread(&e))?;
         Ok(HeldPrior { engine, scene })
     }
 }

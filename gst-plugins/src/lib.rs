@@ -17,6 +17,7 @@ mod budget;
 mod caps;
 mod decoder;
 mod depayloader;
+mod dive_file;
 mod element;
 mod encoder;
 mod held_prior;
@@ -25,6 +26,7 @@ mod payloader;
 mod playout;
 mod property;
 mod stats;
+mod update_event;
 
 use gst::glib;
 

@@ -7,7 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistics, ModemError};
+use nvsprior::modem::{
+    Collected, Collector, CollectorOptions, CollectorStatistics, ModemError, Report,
+};
+use nvsprior::prior::StateId;
 
 /// How packets are put together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +46,8 @@ struct Waiting {
     complete: bool,
 }
 
+/// Room for an update, bytes. Learners make updates of up to half of it.
+const UPDATE_BYTES: usize = 1 << 13;
 /// Packets held, those of which shares may come.
 const PACKETS: usize = 64;
 /// Packets of the short form state their frame number modulo this.
@@ -84,6 +89,7 @@ impl Playout {
             packets: PACKETS,
             streams: usize::from(options.stream) + 1,
             age: (options.latency + KEPT).min(stale),
+            update_bytes: UPDATE_BYTES,
             ..CollectorOptions::new(options.mtu)
         })?;
         Ok(Playout {
@@ -107,6 +113,30 @@ impl Playout {
 
     pub fn statistics(&self) -> CollectorStatistics {
         self.collector.statistics()
+    }
+
+    /// An update of which enough pieces have come: that which is due first. Say what became of it, and ask again.
+    pub fn update(&self) -> Option<&[u8]> {
+        self.collector.update(self.options.stream)
+    }
+
+    /// Tells whether the update was added. If not, it comes again after another one.
+    pub fn settle_update(&mut self, added: bool) {
+        self.collector.settle_update(self.options.stream, added);
+    }
+
+    /// What the vehicle is to know: what came of packets, and the updates that the topside holds, newest first.
+    /// `None`: no packet has come yet.
+    pub fn report(
+        &self,
+        states: impl Iterator<Item = (u16, StateId)>,
+    ) -> Result<Option<Report>, ModemError> {
+        // Which frames were decoded in full is not known here.
+        let mut report = self.collector.report(self.options.stream, |_| false)?;
+        if let Some(report) = &mut report {
+            report.tell_states(states);
+        }
+        Ok(report)
     }
 
     /// Packets that came only after a later one had gone on, or after their time.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use nvsprior::geometry::{CameraError, Distortion, Intrinsics, Lens, LensError};
 use nvsprior::image::{Mask, PixelError};
+use nvsprior::prior::UpdateError;
 use nvsprior::residual::Interest;
 use nvsprior::{Camera, Pose};
 
@@ -30,6 +31,12 @@ pub enum PropertyError {
     MaskFile { file: PathBuf, error: image::ImageError },
     #[error("property mask: {0}")]
     Mask(#[from] PixelError),
+    #[error("property {name}: {}: there is no such folder", file.display())]
+    NoFolder { name: &'static str, file: PathBuf },
+    #[error("property {name}: {error}")]
+    Updates { name: &'static str, error: UpdateError },
+    #[error("property learnt takes room for updates: do not set updates=false")]
+    NoUpdates,
 }
 
 const CAMERA_FORM: &str =

@@ -278,6 +278,7 @@ fn of_modem(error: &ModemError) -> nvsp_status {
         | E::UnpacedReports
         | E::UserBytes(_)
         | E::UpdateShare { .. }
+        | E::Reserve { .. }
         | E::Time(_) => NVSP_ERR_ARGUMENT,
         E::Budget { .. } => NVSP_ERR_BUDGET,
         E::NotPlanned | E::NoReports | E::Unpaced | E::NoUpdates => NVSP_ERR_STATE,

@@ -105,6 +105,10 @@ pub enum ModemError {
          `CollectorOptions::update_bytes` more"
     )]
     UpdateRoom { len: usize, room: usize },
+    #[error(
+        "{part} of a link kept from {now} seconds on: must lie in 0..1, and the time be finite"
+    )]
+    Reserve { part: f64, now: f64 },
     #[error("no memory for modem frames: {0} bytes")]
     Memory(usize),
     #[error("start of frame number {0}: differs from the one that its packet's checks match")]

@@ -365,6 +365,14 @@ impl Renderer {
         self.run_coded(code, Job::CodedDeep)
     }
 
+    /// As [`draw_coded`](Self::draw_coded), with depths if the plan knows them: as a search leaves its picture.
+    pub(crate) fn draw_coded_as_planned(&mut self, code: &PoseCode) -> Result<(), Error> {
+        match self.plan.depths {
+            true => self.draw_coded_deep(code),
+            false => self.draw_coded(code),
+        }
+    }
+
     fn run_coded(&mut self, code: &PoseCode, job: Job) -> Result<(), Error> {
         self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
         self.run(0, job, &Pose::IDENTITY)

@@ -41,6 +41,21 @@ pub fn wall(seed: u64) -> Prior {
     Prior::from_splats(splats, RenderOptions::INRIA).unwrap()
 }
 
+/// The wall, and a chequered box before it.
+pub fn wall_with_box(seed: u64) -> Prior {
+    let mut splats = wall(seed).splats().clone();
+    for k in 0..12 * 9 {
+        let (x, y) = (k % 12, k / 12);
+        splats.positions.push([-0.6 + 0.1 * x as f32, -0.4 + 0.1 * y as f32, 3.2]);
+        splats.log_scales.push([-2.6, -2.6, -5.0]);
+        splats.rotations.push([1.0, 0.0, 0.0, 0.0]);
+        splats.opacity_logits.push(4.0);
+        let light = if (x / 4 + y / 3) % 2 == 0 { 1.4 } else { -1.4 };
+        splats.sh.extend([light, -light, 0.9]);
+    }
+    Prior::from_splats(splats, RenderOptions::INRIA).unwrap()
+}
+
 /// The engine of this process, and a prior on its device.
 pub fn on_device(prior: &Prior) -> (Engine, Arc<Scene>) {
     let engine = engine();

@@ -1,5 +1,7 @@
 //! The element `nvspdec`.
 
+mod updates;
+
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -16,11 +18,13 @@ use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Error, Trust};
 
 use crate::caps;
+use crate::dive_file::DiveFile;
 use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
+use crate::update_event::{SentUpdate, UpdateName};
 
 log_category!("nvspdec", "nvsprior decoder");
 
@@ -37,11 +41,26 @@ pub enum TrustKind {
     Start,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Settings {
     camera: Option<String>,
+    updates: bool,
+    /// The dive file, or its folder.
+    learnt: Option<String>,
     trust: TrustKind,
     post_messages: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            camera: None,
+            updates: true,
+            learnt: None,
+            trust: TrustKind::Auto,
+            post_messages: false,
+        }
+    }
 }
 
 /// What the element holds while it runs.
@@ -49,6 +68,9 @@ struct Settings {
 struct State {
     held: Option<HeldPrior>,
     decoder: Option<nvsprior::Decoder>,
+    dive_file: Option<DiveFile>,
+    /// An update was refused since there is no room, and a warning has said so.
+    no_room: bool,
     decoded: Decoded,
     input: Option<gst_video::VideoCodecState<'static, gst_video::video_codec_state::Readable>>,
     /// The caps say that packets may end early.
@@ -69,6 +91,10 @@ struct Counts {
     refused: u64,
     damaged: u64,
     late: u64,
+    /// Pictures that show an older update than the vehicle's.
+    outdated: u64,
+    /// The newest update that is held.
+    learnt: Option<UpdateName>,
     last: Option<gst::Structure>,
 }
 
@@ -88,6 +114,11 @@ pub struct Decoder {
     #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
         blurb = "The vehicle's camera, width,height,fx,fy,cx,cy in pixels, so that packets can be decoded even if the \
             one that told it was lost (default: packets tell it)")]
+    #[property(name = "updates", get, set, type = bool, member = updates, mutable_ready, default_value = true,
+        blurb = "Keep room on the device for updates of the prior, and draw with those that come")]
+    #[property(name = "learnt", get, set, type = Option<String>, member = learnt, mutable_ready,
+        blurb = "File that keeps the updates that come, or its folder, where it is dive.nvsu; if it is there already, \
+            this dive begins with it, as the vehicle's must")]
     #[property(name = "trust", get, set, type = TrustKind, member = trust, mutable_playing,
         blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
@@ -128,7 +159,12 @@ impl Decoder {
             .field("refused", counts.refused)
             .field("damaged", counts.damaged)
             .field("late", counts.late)
+            .field("outdated", counts.outdated)
             .build();
+        if let Some(learnt) = counts.learnt {
+            stats.set("updates", u32::from(learnt.number));
+            stats.set("state", learnt.state.to_string());
+        }
         if let Some(last) = &counts.last {
             stats.set("last", last);
         }
@@ -193,6 +229,9 @@ impl Decoder {
         if let Some(reference) = decoded.reference {
             figures.set("reference", reference);
         }
+        if let Some(update) = decoded.missing_update {
+            figures.set("missing-update", u32::from(update));
+        }
         if let Some(same) = decoded.same_render {
             figures.set("same-render", same);
         }
@@ -203,6 +242,7 @@ impl Decoder {
             let mut counts = lock(&self.counts);
             counts.pictures += 1;
             counts.damaged += u64::from(decoded.damage.is_some());
+            counts.outdated += u64::from(decoded.missing_update.is_some());
             counts.last = Some(figures.clone());
         }
         if lock(&self.settings).post_messages {
@@ -326,7 +366,8 @@ impl ElementImpl for Decoder {
 
 impl VideoDecoderImpl for Decoder {
     fn start(&self) -> Result<(), gst::ErrorMessage> {
-        let held = HeldPrior::open(&lock(&self.prior).clone())?;
+        let updates = lock(&self.settings).updates;
+        let held = HeldPrior::open(&lock(&self.prior).clone(), updates)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         let mut decoder = nvsprior::Decoder::new(&held.engine, &held.scene);
         if let Some(camera) = &lock(&self.settings).camera {
@@ -336,9 +377,10 @@ impl VideoDecoderImpl for Decoder {
             let camera = property::sized_camera(camera).map_err(|error| wrong(&error))?;
             decoder.add_camera(&camera).map_err(|error| wrong(&error))?;
         }
+        let dive_file = self.begin_learnt(&held, &mut decoder)?;
         *lock(&self.counts) = Counts::default();
         let (held, decoder) = (Some(held), Some(decoder));
-        *lock(&self.state) = State { held, decoder, ..State::default() };
+        *lock(&self.state) = State { held, decoder, dive_file, ..State::default() };
         Ok(())
     }
 
@@ -370,7 +412,18 @@ impl VideoDecoderImpl for Decoder {
         state.input = Some(input.clone());
         // The frame rate may be new.
         state.output = None;
+        let learnt = state.decoder.as_ref().map(updates::newest).filter(|name| name.number > 0);
+        drop(state);
+        // A payloader or depayloader that has just begun does not know.
+        learnt.into_iter().for_each(|name| self.tell_held(name));
         Ok(())
+    }
+
+    fn sink_event(&self, event: gst::Event) -> bool {
+        let Some(update) = SentUpdate::read(&event) else { return self.parent_sink_event(event) };
+        let held = self.take_update(&update);
+        held.into_iter().for_each(|name| self.tell_held(name));
+        held.is_some()
     }
 
     fn handle_frame(
@@ -398,7 +451,10 @@ impl VideoDecoderImpl for Decoder {
                     self.obj()
                         .request_sync_point(&frame, VideoDecoderRequestSyncPointFlags::empty());
                 }
-                let effect = "showing what the packet gives without it";
+                let effect = match damage {
+                    Some(Error::UpdateMissing { .. }) => "updates come again over the link",
+                    _ => "showing what the packet gives without it",
+                };
                 self.complain(&mut state, damage.as_ref().map(|error| (error, effect)));
                 if let Err(error) = self.show(&mut state, &mut frame) {
                     drop(state);

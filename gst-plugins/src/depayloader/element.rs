@@ -3,9 +3,12 @@
 //! Packets that are due go on from the thread that brings shares. In live pipelines a second thread sees to those that
 //! are due while no share comes.
 
-use std::sync::{Condvar, Mutex, PoisonError};
+mod updates;
+
+use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 
 use gst::glib;
+use gst::glib::subclass::Signal;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
@@ -14,6 +17,7 @@ use crate::element::{add_pads, log_category, pad, registry};
 use crate::lock::lock;
 use crate::playout::{Played, Playout, PlayoutOptions};
 use crate::stats::properties_with_stats;
+use crate::update_event::UpdateName;
 
 log_category!("nvspdepay", "nvsprior depayloader");
 
@@ -50,6 +54,8 @@ struct State {
     asked: bool,
     /// The timer's thread is to end.
     stopping: bool,
+    /// The updates that the decoder says it holds, newest first.
+    held: Vec<UpdateName>,
     /// What the timer waits for, and until when, seconds.
     timer: Option<(gst::SingleShotClockId, f64)>,
 }
@@ -60,6 +66,7 @@ struct Counts {
     refused: u64,
     packets: u64,
     complete: u64,
+    updates: u64,
 }
 
 #[derive(glib::Properties)]
@@ -122,6 +129,7 @@ impl Depayloader {
             .field("partial", shares.partial)
             .field("lost", shares.lost)
             .field("damaged", shares.damaged)
+            .field("updates", counts.updates)
             .build();
         if shares.sent > 0 {
             stats.set("loss", 1.0 - shares.arrived as f64 / shares.sent as f64);
@@ -265,6 +273,7 @@ impl Depayloader {
             self.post_error_message(error);
             gst::FlowError::Error
         })?;
+        self.pass_updates();
         let played = self.play(now);
         self.set_timer();
         played
@@ -427,6 +436,13 @@ impl ObjectSubclass for Depayloader {
             })
             .build();
         let src = pad(class.pad_template("src"))
+            .event_function(|_, parent, event| {
+                Depayloader::catch_panic_pad_function(
+                    parent,
+                    || false,
+                    |this| this.src_event(event),
+                )
+            })
             .query_function(|_, parent, query| {
                 Depayloader::catch_panic_pad_function(
                     parent,
@@ -461,6 +477,21 @@ impl ObjectSubclass for Depayloader {
 
 impl ObjectImpl for Depayloader {
     properties_with_stats!();
+
+    fn signals() -> &'static [Signal] {
+        static SIGNALS: OnceLock<Vec<Signal>> = OnceLock::new();
+        SIGNALS.get_or_init(|| {
+            let report = Signal::builder("report")
+                .return_type::<Option<glib::Bytes>>()
+                .run_last()
+                .action()
+                .class_handler(|values| {
+                    let element = values[0].get::<super::Depayloader>().ok()?;
+                    Some(element.imp().report().to_value())
+                });
+            vec![report.build()]
+        })
+    }
 
     fn constructed(&self) {
         self.parent_constructed();

@@ -1,5 +1,7 @@
 //! The element `nvspenc`.
 
+mod updates;
+
 use std::sync::Mutex;
 
 use gst::glib;
@@ -13,14 +15,17 @@ use nvsprior::image::{Colour, ImageView, PixelFormat};
 use nvsprior::tracking::FrameInfo;
 
 use super::frames::{Frames, FramesError, Taken};
+use super::learning::{LearntFigures, Told};
 use super::settings::{ModeKind, RateKind, Settings, StructureKind};
 use crate::budget::Budget;
 use crate::caps;
+use crate::dive_file::DiveFile;
 use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
+use crate::update_event::Answer;
 
 log_category!("nvspenc", "nvsprior encoder");
 
@@ -28,6 +33,8 @@ log_category!("nvspenc", "nvsprior encoder");
 #[derive(Default)]
 struct State {
     held: Option<HeldPrior>,
+    /// Until the frames have it.
+    dive_file: Option<DiveFile>,
     frames: Option<Frames>,
     info: Option<VideoInfo>,
     /// The last frames gave no packets, and a warning has said why.
@@ -43,6 +50,7 @@ struct Counts {
     left_out: u64,
     late: u64,
     uncertain: u64,
+    learnt: Option<LearntFigures>,
     last: Option<gst::Structure>,
 }
 
@@ -138,12 +146,20 @@ pub struct Encoder {
     #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0,
         minimum = 1.0, maximum = 1000.0,
         blurb = "With rate=link: mean number of them that are lost in a row")]
+    #[property(name = "learn", get, set, type = u32, member = learn, mutable_ready, maximum = 1000,
+        blurb = "Learn what frames show and the prior does not: steps of training per frame, each about as long as a \
+            forward render; 0: nothing is learnt")]
+    #[property(name = "updates", get, set, type = Option<String>, member = updates, mutable_ready,
+        blurb = "File that keeps what is learnt, or its folder, where it is dive.nvsu; if it is there already, this \
+            dive begins with it")]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
         blurb = "Post an element message nvspenc-frame with each frame's figures")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
     state: Mutex<State>,
+    /// Never locked while events or buffers are pushed: answers come while they are.
+    told: Mutex<Told>,
 }
 
 const FORMATS: [VideoFormat; 6] = [
@@ -194,6 +210,9 @@ impl Encoder {
             .field("late", counts.late)
             .field("uncertain", counts.uncertain)
             .build();
+        if let Some(learnt) = &counts.learnt {
+            learnt.tell(&mut stats);
+        }
         if let Some(last) = &counts.last {
             stats.set("last", last);
         }
@@ -274,6 +293,9 @@ impl Encoder {
         if let Some(budget) = budget {
             figures.set("budget", budget.bytes);
         }
+        if let Some(learnt) = frames.learnt() {
+            learnt.tell(&mut figures);
+        }
         figures
     }
 
@@ -296,7 +318,8 @@ impl Encoder {
         let mapped = gst_video::VideoFrameRef::from_buffer_ref_readable(input, info)
             .map_err(|error| failed(format!("mapping a frame: {error}")))?;
         let view = Self::view(&mapped)?;
-        let taken = frames.take(&view, time, frame_info, &settings);
+        let told = *lock(&self.told);
+        let taken = frames.take(&view, time, frame_info, &settings, &told);
         if let Ok(Taken::LeftOut | Taken::TooSmall(_)) = taken {
             // The next frame takes it, unless there is a newer one by then.
             lock(&self.settings).info.get_or_insert(frame_info);
@@ -418,16 +441,26 @@ impl VideoEncoderImpl for Encoder {
         if let Err(error) = lock(&self.settings).start.as_deref().map(property::pose).transpose() {
             return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
         }
-        let held = HeldPrior::open(&lock(&self.prior).clone())?;
+        let takes_updates = lock(&self.settings).takes_updates();
+        let held = HeldPrior::open(&lock(&self.prior).clone(), takes_updates)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
+        let dive_file = self.dive_file(&held)?;
         *lock(&self.counts) = Counts::default();
-        *lock(&self.state) = State { held: Some(held), ..State::default() };
+        *lock(&self.told) = Told::default();
+        *lock(&self.state) = State { held: Some(held), dive_file, ..State::default() };
         self.start_again();
         Ok(())
     }
 
     fn stop(&self) -> Result<(), gst::ErrorMessage> {
-        *lock(&self.state) = State::default();
+        let told = *lock(&self.told);
+        let mut state = std::mem::take(&mut *lock(&self.state));
+        if let Some(frames) = &mut state.frames {
+            // The topside may have got it after the last frame.
+            let (learning, encoder) = frames.learning();
+            learning.follow(encoder, &told);
+            self.save(learning);
+        }
         Ok(())
     }
 
@@ -442,15 +475,14 @@ impl VideoEncoderImpl for Encoder {
         let size = (info.width(), info.height());
         let (camera, prior) = {
             let mut state = lock(&self.state);
-            let State { held: Some(held), frames, .. } = &mut *state else {
+            let State { held: Some(held), dive_file, frames, .. } = &mut *state else {
                 return Err(gst::loggable_error!(CATEGORY, "caps before the start"));
             };
             let prior = held.scene.id().to_string();
             let ready = match frames {
                 Some(frames) => frames.change(&settings, size, frame_rate),
-                None => {
-                    Frames::new(held, &settings, size, frame_rate).map(|made| *frames = Some(made))
-                }
+                None => Frames::new(held, dive_file.take(), &settings, size, frame_rate)
+                    .map(|made| *frames = Some(made)),
             };
             if let Err(error) = ready {
                 gst::element_imp_error!(self, gst::LibraryError::Settings, ("{error}"));
@@ -498,13 +530,31 @@ impl VideoEncoderImpl for Encoder {
                     frame.set_flags(gst_video::VideoCodecFrameFlags::SYNC_POINT);
                 }
                 frame.set_output_buffer(packet);
-                self.obj().finish_frame(frame)
+                // Those of earlier dives come before the first packet.
+                self.send_updates();
+                let done = self.obj().finish_frame(frame)?;
+                self.learn().map_err(|error| {
+                    self.post_error_message(error);
+                    gst::FlowError::Error
+                })?;
+                self.send_updates();
+                Ok(done)
             }
             Ok(None) => self.leave_out(frame),
             Err(error) => {
                 self.post_error_message(error);
                 Err(gst::FlowError::Error)
             }
+        }
+    }
+
+    fn src_event(&self, event: gst::Event) -> bool {
+        match Answer::read(&event) {
+            Some(answer) => {
+                lock(&self.told).take(answer);
+                true
+            }
+            None => self.parent_src_event(event),
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod element;
 mod frames;
+mod learning;
 mod settings;
 
 crate::element::class!(

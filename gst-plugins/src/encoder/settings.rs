@@ -88,6 +88,10 @@ pub struct Settings {
     pub shares: u32,
     pub loss: f64,
     pub burst: f64,
+    /// Steps of training per frame; 0: nothing is learnt.
+    pub learn: u32,
+    /// The dive file, or its folder.
+    pub updates: Option<String>,
     pub post_messages: bool,
 }
 
@@ -128,6 +132,8 @@ impl Default for Settings {
             shares: 16,
             loss: 0.1,
             burst: 1.0,
+            learn: 0,
+            updates: None,
             post_messages: false,
         }
     }
@@ -154,6 +160,11 @@ impl Settings {
             frames_treated: self.frames_treated,
             ..EncoderOptions::default()
         }
+    }
+
+    /// Whether frames may be drawn with updates.
+    pub fn takes_updates(&self) -> bool {
+        self.learn > 0 || self.updates.is_some()
     }
 
     /// The rate, unless the link decides it.

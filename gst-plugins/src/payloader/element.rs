@@ -1,12 +1,15 @@
 //! The element `nvsppay`.
 
-use std::sync::Mutex;
+mod updates;
+
+use std::sync::{Mutex, OnceLock};
 
 use gst::glib;
+use gst::glib::subclass::Signal;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
-use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer};
+use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer, UpdateOptions};
 use nvsprior::packet::Extent;
 
 use crate::budget::Budget;
@@ -14,6 +17,9 @@ use crate::caps;
 use crate::element::{add_pads, log_category, pad, registry};
 use crate::lock::lock;
 use crate::stats::properties_with_stats;
+use crate::update_event::SentUpdate;
+
+use super::pieces::{PieceLink, Pieces};
 
 log_category!("nvsppay", "nvsprior payloader");
 
@@ -30,6 +36,8 @@ struct Settings {
     spread: u32,
     loss: f64,
     burst: f64,
+    update_share: f64,
+    expect_reports: bool,
 }
 
 impl Default for Settings {
@@ -44,6 +52,8 @@ impl Default for Settings {
             spread: 0,
             loss: 0.1,
             burst: 1.0,
+            update_share: UpdateOptions::default().share,
+            expect_reports: false,
         }
     }
 }
@@ -61,6 +71,19 @@ impl Settings {
             bytes: self.budget,
         }
     }
+
+    /// What updates get of the link that a packet goes over.
+    fn piece_link(&self, budget: &Budget) -> PieceLink {
+        PieceLink {
+            bit_rate: budget.bit_rate,
+            mtu: budget.mtu as usize,
+            overhead: budget.overhead as usize,
+            loss: budget.loss,
+            stream: self.stream as u8,
+            share: self.update_share,
+            expect_reports: self.expect_reports,
+        }
+    }
 }
 
 /// What the element holds while it runs.
@@ -68,6 +91,9 @@ impl Settings {
 struct State {
     sharer: Sharer,
     interleaver: Option<Interleaver>,
+    pieces: Pieces,
+    /// The time of the last packet, seconds.
+    now: f64,
     /// Seconds from a packet's first share to its last one.
     spread: f64,
     /// Up to when shares were let go, seconds.
@@ -76,6 +102,8 @@ struct State {
     cut: bool,
     /// The packet before was left out, and a warning has said why.
     refused: bool,
+    /// The same of the update before.
+    update_refused: bool,
 }
 
 #[derive(Default)]
@@ -85,6 +113,9 @@ struct Counts {
     bytes: u64,
     refused: u64,
     cut: u64,
+    updates: u64,
+    pieces: u64,
+    piece_bytes: u64,
 }
 
 #[derive(glib::Properties)]
@@ -119,11 +150,19 @@ pub struct Payloader {
     #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0,
         minimum = 1.0, maximum = 1000.0,
         blurb = "Mean number of them that are lost in a row (unless nvspenc has rate=link)")]
+    #[property(name = "update-share", get, set, type = f64, member = update_share, mutable_ready,
+        default_value = UpdateOptions::default().share, minimum = 0.01, maximum = 0.99,
+        blurb = "Part of the bit rate that an update of the prior gets while it is sent")]
+    #[property(name = "expect-reports", get, set, type = bool, member = expect_reports, mutable_ready,
+        blurb = "The topside's reports will be given by the signal report: an update counts as held once one says so")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
     state: Mutex<State>,
 }
+
+/// After a pause without packets, pieces of so many seconds go at most.
+const CATCH_UP: f64 = 1.0;
 
 /// A share that goes out, and when it is due, seconds.
 type DueShare = (f64, Vec<u8>);
@@ -137,6 +176,9 @@ impl Payloader {
             .field("bytes", counts.bytes)
             .field("refused", counts.refused)
             .field("cut", counts.cut)
+            .field("updates", counts.updates)
+            .field("pieces", counts.pieces)
+            .field("piece-bytes", counts.piece_bytes)
             .build()
     }
 
@@ -162,13 +204,16 @@ impl Payloader {
                 (budget, sharing)
             }
         };
+        state.now = now;
+        state.pieces.follow(now, settings.piece_link(&budget))?;
         state.sharer.share(packet, &sharing, settings.stream as u8, None)?;
         let mut left = Vec::new();
         let State { sharer, interleaver, spread, .. } = &mut *state;
         let waiting = match interleaver {
             Some(waiting) if *spread == budget.spread => waiting,
             none => {
-                left = none.as_mut().map(|old| release(old, f64::INFINITY)).unwrap_or_default();
+                let rest = |old| self.release(old, f64::INFINITY);
+                left = none.as_mut().map(rest).unwrap_or_default();
                 *spread = budget.spread;
                 none.insert(Interleaver::new(budget.spread)?)
             }
@@ -196,11 +241,6 @@ impl Payloader {
 
     fn push(&self, shares: Vec<DueShare>) -> Result<gst::FlowSuccess, gst::FlowError> {
         for (due, share) in shares {
-            {
-                let mut counts = lock(&self.counts);
-                counts.shares += 1;
-                counts.bytes += share.len() as u64;
-            }
             let mut buffer = gst::Buffer::from_slice(share);
             let pts = due.is_finite().then(|| gst::ClockTime::from_seconds_f64(due.max(0.0)));
             buffer.make_mut().set_pts(pts);
@@ -209,14 +249,53 @@ impl Payloader {
         Ok(gst::FlowSuccess::Ok)
     }
 
-    /// Pushes the shares that are due before `until`, seconds.
-    fn push_until(&self, until: f64) -> Result<gst::FlowSuccess, gst::FlowError> {
-        let shares = {
+    /// Pushes the shares and pieces that are due before `until`, seconds, now that it is `now`.
+    fn push_until(&self, now: f64, until: f64) -> Result<gst::FlowSuccess, gst::FlowError> {
+        let due = {
             let mut state = lock(&self.state);
+            let from = state.released.max(now - CATCH_UP);
             state.released = state.released.max(until);
-            state.interleaver.as_mut().map(|waiting| release(waiting, until)).unwrap_or_default()
+            self.release_all(&mut state, from, until)
         };
-        self.push(shares)
+        self.push(due)?;
+        self.answer();
+        Ok(gst::FlowSuccess::Ok)
+    }
+
+    /// Takes the shares and pieces that are due before `until`, in the order in which they are, pieces not before
+    /// `from`. Pieces never end: at the end of the stream, where `until` is infinite, there are none.
+    fn release_all(&self, state: &mut State, from: f64, until: f64) -> Vec<DueShare> {
+        let State { interleaver, pieces, .. } = state;
+        let mut due = Vec::new();
+        let mut shares_until = |until: f64, due: &mut Vec<DueShare>| {
+            if let Some(waiting) = interleaver {
+                due.extend(self.release(waiting, until));
+            }
+        };
+        while let Some(at) = pieces.due().filter(|at| *at < until && until.is_finite()) {
+            let at = at.max(from);
+            shares_until(at, &mut due);
+            let Some(piece) = pieces.next(at) else { break };
+            let mut counts = lock(&self.counts);
+            counts.pieces += 1;
+            counts.piece_bytes += piece.len() as u64;
+            due.push((at, piece));
+        }
+        shares_until(until, &mut due);
+        due
+    }
+
+    /// Takes the shares that are due before `until`.
+    fn release(&self, waiting: &mut Interleaver, until: f64) -> Vec<DueShare> {
+        let mut shares = Vec::new();
+        while waiting.due().is_some_and(|due| due < until) {
+            let Some((due, share)) = waiting.next(until) else { break };
+            let mut counts = lock(&self.counts);
+            counts.shares += 1;
+            counts.bytes += share.len() as u64;
+            shares.push((due, share.to_vec()));
+        }
+        shares
     }
 
     fn chain(&self, buffer: gst::Buffer) -> Result<gst::FlowSuccess, gst::FlowError> {
@@ -243,13 +322,19 @@ impl Payloader {
         }
         // Shares that are due before the next frame go now, so that they are at the sink in time. Beyond that, those of
         // the next packet may lie between them.
-        self.push_until(now + duration.max(1e-9))
+        self.push_until(now, now + duration.max(1e-9))
     }
 
     fn sink_event(&self, event: gst::Event) -> bool {
+        if let Some(update) = SentUpdate::read(&event) {
+            self.take_update(update);
+            return true;
+        }
         match event.view() {
             gst::EventView::Caps(of) => {
                 let rate = caps::frame_rate(of.caps());
+                // An encoder that has just begun knows nothing.
+                lock(&self.state).pieces.tell_again();
                 let mut caps = caps::any(caps::SHARE);
                 let fields = caps.make_mut();
                 fields.set("stream", lock(&self.settings).stream as i32);
@@ -261,32 +346,26 @@ impl Payloader {
             gst::EventView::Gap(gap) => {
                 let (from, duration) = gap.get();
                 let until = from + duration.unwrap_or(gst::ClockTime::ZERO);
-                let pushed = self.push_until(until.seconds_f64());
+                let pushed = self.push_until(from.seconds_f64(), until.seconds_f64());
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event) && pushed.is_ok()
             }
             gst::EventView::Eos(_) => {
-                if let Err(error) = self.push_until(f64::INFINITY) {
+                if let Err(error) = self.push_until(f64::INFINITY, f64::INFINITY) {
                     gst::debug!(CATEGORY, imp = self, "the last shares: {error}");
                 }
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
             }
             gst::EventView::FlushStop(_) => {
-                *lock(&self.state) = State::default();
+                let mut state = lock(&self.state);
+                let mut pieces = std::mem::take(&mut state.pieces);
+                pieces.restart();
+                *state = State { pieces, ..State::default() };
+                drop(state);
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
             }
             _ => gst::Pad::event_default(&self.sink, Some(&*self.obj()), event),
         }
     }
-}
-
-/// Takes the shares that are due before `until`.
-fn release(waiting: &mut Interleaver, until: f64) -> Vec<DueShare> {
-    let mut shares = Vec::new();
-    while waiting.due().is_some_and(|due| due < until) {
-        let Some((due, share)) = waiting.next(until) else { break };
-        shares.push((due, share.to_vec()));
-    }
-    shares
 }
 
 #[glib::object_subclass]
@@ -321,6 +400,24 @@ impl ObjectSubclass for Payloader {
 
 impl ObjectImpl for Payloader {
     properties_with_stats!();
+
+    fn signals() -> &'static [Signal] {
+        static SIGNALS: OnceLock<Vec<Signal>> = OnceLock::new();
+        SIGNALS.get_or_init(|| {
+            let report = Signal::builder("report")
+                .param_types([glib::Bytes::static_type()])
+                .return_type::<bool>()
+                .run_last()
+                .action()
+                .class_handler(|values| {
+                    let element = values[0].get::<super::Payloader>().ok()?;
+                    let report = values[1].get::<Option<glib::Bytes>>().ok()?;
+                    let taken = report.is_some_and(|bytes| element.imp().take_report(&bytes));
+                    Some(taken.to_value())
+                });
+            vec![report.build()]
+        })
+    }
 
     fn constructed(&self) {
         self.parent_constructed();

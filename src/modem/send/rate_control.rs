@@ -174,10 +174,17 @@ impl RateControl {
         self.at = Some(now);
     }
 
-    /// Keeps a part of the bit rate for what travels beside pictures, from `now` on: 0 up to but not 1.
-    pub(in crate::modem) fn reserve(&mut self, now: f64, part: f64) {
+    /// Keeps a part of the bit rate for what travels beside pictures, such as pieces of updates, from `now` on.
+    /// [`Sender::plan`](crate::modem::Sender::plan) does so by itself.
+    ///
+    /// # Errors
+    /// If the part is not 0 or more and less than 1, or the time not finite. The one before stays.
+    pub fn reserve(&mut self, now: f64, part: f64) -> Result<(), ModemError> {
+        if !((0.0..1.0).contains(&part) && now.is_finite()) {
+            return Err(ModemError::Reserve { part, now });
+        }
         if part == self.reserved {
-            return;
+            return Ok(());
         }
         self.earn(now);
         let (rate, turn) = (self.rate(), self.turn());
@@ -187,6 +194,7 @@ impl RateControl {
         let credit = self.credit * self.turn() / turn;
         self.debt += (credit - self.credit).max(0.0);
         self.credit = credit;
+        Ok(())
     }
 
     /// What waits takes another time, as the rate was `before`.
@@ -423,14 +431,17 @@ mod tests {
     #[test]
     fn a_part_that_is_reserved_comes_back_and_costs_no_frame() {
         let mut control = RateControl::new(options()).unwrap();
+        for (now, part) in [(0.0, 1.0), (0.0, -0.1), (0.0, f64::NAN), (f64::NAN, 0.1)] {
+            assert!(matches!(control.reserve(now, part), Err(ModemError::Reserve { .. })));
+        }
         run(&mut control, 0.0, 150, 1.0);
         let mut now = 10.0;
         for _ in 0..10 {
-            control.reserve(now, 0.25);
+            control.reserve(now, 0.25).unwrap();
             let less = run(&mut control, now, 75, 1.0);
             assert!(less.len() >= 24 && less.iter().all(|(_, bytes, _)| *bytes <= 152), "{less:?}");
             now += 5.0;
-            control.reserve(now, 0.0);
+            control.reserve(now, 0.0).unwrap();
             let all = run(&mut control, now, 75, 1.0);
             assert!(all.len() >= 24, "{}", all.len());
             // What was spent before time had brought it is paid back.

@@ -282,7 +282,7 @@ impl Sender {
         let max = self.options.max_shares();
         let link = self.link();
         if let (Some(updates), Some(control)) = (&self.updates, self.way.control_mut()) {
-            control.reserve(now, updates.part(&link));
+            control.reserve(now, updates.part(&link))?;
         }
         let planned = match &mut self.way {
             Way::Unprotected(link, None) => return Ok(Some(link.layout.start(max))),
@@ -447,6 +447,27 @@ impl Sender {
         self.updates.as_mut().ok_or(ModemError::NoUpdates)?.push(now, update, &link)?;
         self.statistics.updates += 1;
         Ok(())
+    }
+
+    /// As [`push_update`](Self::push_update), for an update that the topside is taken to hold: one of an earlier dive,
+    /// whose dive file both sides have. Its pieces go only if a report does not tell of it, or when all are repeated.
+    /// [`held_update`](Self::held_update) counts it. Give them in their order, before others.
+    ///
+    /// # Errors
+    /// As [`push_update`](Self::push_update).
+    pub fn push_held_update(&mut self, now: f64, update: &[u8]) -> Result<(), ModemError> {
+        check_time(now)?;
+        let link = self.link();
+        let updates = self.updates.as_mut().ok_or(ModemError::NoUpdates)?;
+        updates.push_held(now, update, &link)?;
+        self.statistics.updates += 1;
+        Ok(())
+    }
+
+    /// The part of the bit rate that pieces of updates take now. [`plan`](Self::plan) leaves it out of what pictures
+    /// get. Whoever plans pictures by a [`RateControl`] of its own gives it to [`RateControl::reserve`].
+    pub fn update_share(&self) -> f64 {
+        self.updates.as_ref().map_or(0.0, |updates| updates.part(&self.link()))
     }
 
     /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `Encoder::learn_more`. An

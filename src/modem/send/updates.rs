@@ -122,6 +122,28 @@ impl Updates {
     /// Takes an update that stands on a state of the chain; those after that state go. Its pieces go from `now` on,
     /// seconds.
     pub fn push(&mut self, now: f64, bytes: &[u8], link: &Link) -> Result<(), ModemError> {
+        self.add(bytes, link)?;
+        self.begin_next(now, link);
+        Ok(())
+    }
+
+    /// The same of an update that the topside is taken to hold, if it holds all before.
+    pub fn push_held(&mut self, now: f64, bytes: &[u8], link: &Link) -> Result<(), ModemError> {
+        self.add(bytes, link)?;
+        match self.sent.split_last_mut() {
+            Some((last, before)) if before.len() == self.held => {
+                (last.begun, last.whole) = (true, true);
+                self.held += 1;
+                // It is repeated from now on.
+                self.due = self.due.max(now);
+            }
+            _ => self.begin_next(now, link),
+        }
+        Ok(())
+    }
+
+    /// Adds an update to the chain.
+    fn add(&mut self, bytes: &[u8], link: &Link) -> Result<(), ModemError> {
         let update = Update::read(bytes).map_err(|error| ModemError::Update(error.to_string()))?;
         let (number, before, state) = (update.number, update.before, update.state());
         let stays = self.standing_on(number, before)?;
@@ -148,7 +170,6 @@ impl Updates {
             begun: false,
             whole: false,
         });
-        self.begin_next(now, link);
         Ok(())
     }
 

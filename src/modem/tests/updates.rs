@@ -418,6 +418,51 @@ fn after_restarts_both_sides_come_back_to_one_version() {
     assert!(dive.sender.statistics().pieces < 50, "{:?}", dive.sender.statistics());
 }
 
+/// Both sides go on from an earlier dive. Nothing of it is sent to a topside that holds it; one that does not gets it.
+#[test]
+fn an_update_of_an_earlier_dive_is_sent_only_to_a_topside_that_lacks_it() {
+    let chain = chain(16, &[60, 60, 60]);
+    for expect_reports in [false, true] {
+        let mut dive = Dive::new(0.0, expect_reports);
+        for update in &chain[..2] {
+            let read = Update::read(update).unwrap();
+            dive.states.push((read.number, read.state()));
+            dive.sender.push_held_update(0.0, update).unwrap();
+        }
+        assert_eq!(dive.sender.held_update(), Some(2));
+        dive.run(5);
+        // Without reports they are repeated, and no more.
+        let pieces = dive.bytes[1];
+        assert!(if expect_reports { pieces == 0 } else { pieces * 11 < 5 * 2_500 }, "{pieces}");
+        dive.push(&chain[2]);
+        assert_eq!(dive.sender.held_update(), Some(2));
+        dive.run(10);
+        assert_eq!((dive.sender.held_update(), dive.states.len()), (Some(3), 3));
+        (dive.collector, dive.states) = (collector(64), Vec::new());
+        dive.run(40);
+        assert_eq!((dive.sender.held_update(), dive.states.len()), (Some(3), 3));
+    }
+}
+
+#[test]
+fn what_is_held_follows_what_is_held() {
+    let mut sender = Sender::new(options(64, 0.0, false)).unwrap();
+    let chain = chain(17, &[60, 60]);
+    assert_eq!(sender.update_share(), 0.0);
+    sender.push_update(0.0, &chain[0]).unwrap();
+    assert_eq!(sender.update_share(), UpdateOptions::default().share);
+    // The one before it is not there yet.
+    sender.push_held_update(0.0, &chain[1]).unwrap();
+    assert_eq!(sender.held_update(), None);
+    assert!(sender.push_held_update(f64::NAN, &chain[1]).is_err());
+    while sender.held_update() != Some(2) {
+        assert_eq!(sender.update_share(), UpdateOptions::default().share);
+        let due = sender.due().expect("a piece is to come");
+        assert_eq!(sender.next(due).map(|(at, _)| at), Some(due));
+    }
+    assert_eq!(sender.update_share(), UpdateOptions::default().repeat);
+}
+
 /// The vehicle drops an update that the topside may hold, and proves another one in its place.
 #[test]
 fn an_update_takes_the_place_of_one_that_was_dropped() {

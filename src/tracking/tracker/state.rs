@@ -154,7 +154,7 @@ impl Tracker {
         let renderer = self.objective.renderer();
         let scene = renderer.scene();
         let code = quantised(&placement(scene, pose), &anchor(scene), self.profile);
-        renderer.draw_coded(&code)?;
+        renderer.draw_coded_as_planned(&code)?;
         Ok((code, self.objective.error()))
     }
 
