@@ -8,7 +8,7 @@ out=${1:-demo-out}
 page=${PAGE:-127.0.0.1:8080} topside=${TOPSIDE_PORT:-5700} modem=${MODEM_PORT:-5701}
 
 [ -e "$out/prior.ply" ] || "$nvsprior" demo --out "$out" --frames 1
-if ! [ -e "$out/T2/0060.png" ]; then
+if ! [ -e "$out/T2/T2/0060.png" ]; then
     "$nvsprior" demo --run T2 --draw-only --frames 60 --out "$out"
 fi
 
