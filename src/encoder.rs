@@ -8,7 +8,7 @@ use crate::frame_work::FoundFrame;
 use crate::frame_work::{FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 #[cfg(feature = "training")]
-use crate::learning::{Beside, Found, LearnOptions, LearnerStats};
+use crate::learning::{Beside, LearnOptions, LearnerStats};
 use crate::packet::{
     CAMERA_PART_LEN, LEARNT_SHORT_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
     SHORT_LATENT_LEN,
@@ -328,7 +328,7 @@ impl Encoder {
         work.code(&mut self.residual)?;
         self.keep(work, &found);
         #[cfg(feature = "training")]
-        self.learn_from(work, &work.encoded.render);
+        self.keep_to_learn(work, &work.encoded.render);
         Ok(())
     }
 
@@ -356,7 +356,7 @@ impl Encoder {
         let found = self.track(work)?;
         self.keep(work, &found);
         #[cfg(feature = "training")]
-        self.learn_from(work, &work.render);
+        self.keep_to_learn(work, &work.render);
         Ok(())
     }
 
@@ -577,12 +577,21 @@ impl Encoder {
         self.beside.begin(engine, scene, camera, &setup, learnt, options)
     }
 
-    /// The update that the last frame proved, `.nvsu`; `None`: it proved none. Frames are drawn with it once it is
-    /// [adopted](Encoder::adopt). Until then, or until it is dropped, the learner only collects frames.
+    /// Learns from the last frame: a slice of work, [`LearnOptions::steps_per_frame`] steps of training at most. Call it
+    /// after each frame, once its packet is on its way. A frame without this call is not learnt from.
+    ///
+    /// `price`: bytes of pictures that a byte of an update costs, 1 or more. On a link its headers and parity take more:
+    /// see [`Sender::update_price`](crate::modem::Sender::update_price).
     ///
     /// # Errors
-    /// If learning has failed. It has ended then; what was learnt before stays.
-    pub fn take_update(&mut self) -> Result<Option<Vec<u8>>, Error> {
+    /// If the device fails. Learning has ended then; what was learnt before stays.
+    pub fn learn_more(&mut self, price: f64) -> Result<(), Error> {
+        self.beside.work(price)
+    }
+
+    /// The update that was proved last, `.nvsu`, once. Frames are drawn with it once it is [adopted](Encoder::adopt).
+    /// Until then, or until it is dropped, the learner only collects frames.
+    pub fn take_update(&mut self) -> Option<Vec<u8>> {
         self.beside.take_update()
     }
 
@@ -608,18 +617,14 @@ impl Encoder {
         self.beside.stats()
     }
 
-    /// Lets the learner see a frame that was found.
-    fn learn_from(&mut self, work: &FrameWork, render: &Picture) {
-        let found = Found {
-            number: work.found.number,
-            frame: &work.frame,
-            render,
-            pose: &work.pose,
-            certain: work.found.certain,
-            mask: work.mask.as_deref(),
-            rate: work.rate,
-        };
-        self.beside.frame(&found);
+    /// Keeps a frame that was found for [`learn_more`](Self::learn_more).
+    fn keep_to_learn(&mut self, work: &FrameWork, render: &Picture) {
+        let Some(found) = self.beside.next() else { return };
+        found.frame.clone_from(&work.frame);
+        found.render.clone_from(render);
+        found.mask.clone_from(&work.mask);
+        (found.number, found.certain) = (work.found.number, work.found.certain);
+        (found.pose, found.rate) = (work.pose, work.rate);
     }
 
     fn go_on_learning(&mut self) {

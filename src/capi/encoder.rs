@@ -130,7 +130,7 @@ pub struct nvsp_encoder_options {
     /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
     pub key_every: u32,
     /// Steps of training per frame by which the encoder learns what frames show and the prior does not: see
-    /// nvsp_encoder_take_update. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per
+    /// nvsp_encoder_learn. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per
     /// second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
     /// without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
     pub learn: u32,

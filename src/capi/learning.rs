@@ -1,6 +1,6 @@
 //! Learning, in a library that has the feature `training`; in others its calls fail.
 
-pub(super) use imp::{adopt, begin, counts, drop_waiting, take};
+pub(super) use imp::{adopt, begin, counts, drop_waiting, learn_more, take};
 
 /// What a learner has done.
 #[derive(Default)]
@@ -23,8 +23,12 @@ mod imp {
         Ok(encoder.learn(&options)?)
     }
 
+    pub fn learn_more(encoder: &mut Encoder, price: f64) -> Result<(), Failure> {
+        Ok(encoder.learn_more(price)?)
+    }
+
     pub fn take(encoder: &mut Encoder) -> Result<Option<Vec<u8>>, Failure> {
-        Ok(encoder.take_update()?)
+        Ok(encoder.take_update())
     }
 
     pub fn adopt(encoder: &mut Encoder, number: u16) -> Result<bool, Failure> {
@@ -57,6 +61,10 @@ mod imp {
 
     pub fn begin(_: &mut Encoder, _: u32) -> Result<(), Failure> {
         without()
+    }
+
+    pub fn learn_more(_: &mut Encoder, _: f64) -> Result<(), Failure> {
+        Ok(())
     }
 
     pub fn take(_: &mut Encoder) -> Result<Option<Vec<u8>>, Failure> {

@@ -1,7 +1,7 @@
 //! Updates of the prior: what a vehicle learns, on its way to the topside.
 
 use crate::Decoder;
-use crate::modem::Report;
+use crate::modem::{ModemError, Report};
 use crate::prior::Update;
 
 use super::collector::nvsp_collector;
@@ -41,13 +41,31 @@ pub struct nvsp_learning {
 }
 versioned!(nvsp_learning, 32);
 
+/// Learns from the last frame: a slice of work, of nvsp_encoder_options.learn steps at most. Call it after each frame,
+/// once its packet is on its way: so learning delays no packet. A frame without this call is not learnt from. If the
+/// encoder does not learn, nothing happens.
+///
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_ARGUMENT, and nothing happens. If the device fails,
+/// it fails as nvsp_encode does; the encoder then goes on without learning.
+///
+/// # Parameters
+/// - `price`: bytes of pictures that a byte of an update costs. 1 or more; on a link what nvsp_sender_update_price tells.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_encoder_learn(encoder: Option<&nvsp_encoder>, price: f64) -> nvsp_status {
+    nvsp_encoder::call(encoder, |content| {
+        if !(price.is_finite() && price >= 1.0) {
+            return Err(Failure::argument("price"));
+        }
+        learning::learn_more(&mut content.core()?.encoder, price)?;
+        Ok(NVSP_OK)
+    })
+}
+
 /// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not.
-/// Ask after each frame, if nvsp_encoder_options.learn is not 0. Returns NVSP_PENDING if there is none, and writes
-/// nothing then. Give it to nvsp_sender_push_update, and keep it for the next dive: nvsp_encoder_add_update. Frames are
+/// Ask after each nvsp_encoder_learn. Returns NVSP_PENDING if there is none, and writes nothing then. Give it to nvsp_sender_push_update, and keep it for the next dive: nvsp_encoder_add_update. Frames are
 /// drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update, no other one comes.
 ///
-/// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept. If
-/// learning has failed, the call fails once, as nvsp_encode does; the encoder goes on without learning.
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept.
 ///
 /// # Safety
 /// - `update`: receives the update. Yours, of `size` bytes. Not NULL.
@@ -266,6 +284,25 @@ pub unsafe extern "C" fn nvsp_sender_push_update(
         // SAFETY: `size` bytes stand at `update`, see `# Safety`.
         let bytes = unsafe { slice(update, size, "update")? };
         content.push_update(now, bytes)?;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Tells how many bytes of pictures a byte of an update costs on this link, for nvsp_encoder_learn: its parity and headers
+/// count. It changes with the loss. Allocates nothing.
+///
+/// Fails with NVSP_ERR_STATE if the sender was made without NVSP_SENDER_UPDATES.
+///
+/// # Parameters
+/// - `price`: receives it, 1 or more. Not NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_sender_update_price(
+    sender: Option<&nvsp_sender>,
+    price: Place<f64>,
+) -> nvsp_status {
+    nvsp_sender::call(sender, |content| {
+        let price = price.required("price")?;
+        price.write(content.update_price().ok_or(ModemError::NoUpdates)?);
         Ok(NVSP_OK)
     })
 }

@@ -17,6 +17,11 @@ pub(crate) struct Beside {
     update: Option<Vec<u8>>,
     /// What is learnt with that update, until it is adopted or dropped.
     waiting: Option<Learnt>,
+    /// The frame that comes next.
+    found: Found,
+    /// It was not learnt from yet.
+    fresh: bool,
+    /// Why learning has ended.
     failed: Option<Error>,
 }
 
@@ -37,7 +42,7 @@ impl Beside {
     }
 
     /// Goes on with another camera or device. What was learnt stays. If it fails, learning ends, and
-    /// [`take_update`](Self::take_update) says why.
+    /// [`work`](Self::work) says why.
     pub fn go_on(
         &mut self,
         engine: &Engine,
@@ -54,20 +59,29 @@ impl Beside {
         (self.update, self.waiting, self.failed) = (update, waiting, begun.err());
     }
 
-    /// Lets the learner see a frame, and do its slice of work. While an update waits, it only collects.
-    pub fn frame(&mut self, found: &Found) {
-        let Some((learner, _)) = self.learner.as_mut() else { return };
-        let done = match self.waiting {
-            Some(_) => learner.collect(found).map(|()| None),
-            None => learner.frame(found),
+    /// Where to put the next frame; `None`: nobody learns. A frame before it that was not learnt from is left out.
+    pub fn next(&mut self) -> Option<&mut Found> {
+        self.fresh = self.learner.is_some();
+        self.fresh.then_some(&mut self.found)
+    }
+
+    /// Lets the learner see the last frame, once, and do its slice of work. While an update waits, it only collects.
+    /// If it fails, learning ends.
+    pub fn work(&mut self, price: f64) -> Result<(), Error> {
+        self.failed.take().map_or(Ok(()), Err)?;
+        let Some((learner, _)) = self.learner.as_mut().filter(|_| self.fresh) else {
+            return Ok(());
         };
-        match done {
-            Ok(Some(Proven { after, bytes })) => {
-                (self.update, self.waiting) = (Some(bytes), Some(after));
-            }
-            Ok(None) => {}
-            Err(error) => (self.failed, self.learner) = (Some(error), None),
+        self.fresh = false;
+        let done = match self.waiting {
+            Some(_) => learner.collect(&self.found).map(|()| None),
+            None => learner.frame(&self.found, price),
+        };
+        let proven = done.inspect_err(|_| self.learner = None)?;
+        if let Some(Proven { after, bytes }) = proven {
+            (self.update, self.waiting) = (Some(bytes), Some(after));
         }
+        Ok(())
     }
 
     /// Number of the update that waits to be adopted.
@@ -91,14 +105,8 @@ impl Beside {
     }
 
     /// The update that was given out last, once.
-    pub fn take_update(&mut self) -> Result<Option<Vec<u8>>, Error> {
-        match (self.update.take(), self.failed.take()) {
-            (None, Some(error)) => Err(error),
-            (update, failed) => {
-                self.failed = failed;
-                Ok(update)
-            }
-        }
+    pub fn take_update(&mut self) -> Option<Vec<u8>> {
+        self.update.take()
     }
 
     /// What the learner did; `None`: there is none.

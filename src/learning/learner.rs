@@ -51,16 +51,17 @@ pub struct LearnerStats {
 }
 
 /// A frame as its encoder has found it.
-pub struct Found<'a> {
+#[derive(Default)]
+pub struct Found {
     pub number: u32,
     /// As it was treated. Masked pixels show the render.
-    pub frame: &'a Picture,
+    pub frame: Picture,
     /// The scene's render at the pose.
-    pub render: &'a Picture,
-    pub pose: &'a Pose,
+    pub render: Picture,
+    pub pose: Pose,
     /// The picture confirms the pose.
     pub certain: bool,
-    pub mask: Option<&'a Mask>,
+    pub mask: Option<Arc<Mask>>,
     pub rate: Option<Rate>,
 }
 
@@ -94,6 +95,8 @@ pub struct Learner {
     work: Option<Work>,
     random: Random,
     stats: LearnerStats,
+    /// Bytes of pictures that a byte of an update costs.
+    price: f64,
 }
 
 impl Learner {
@@ -130,6 +133,7 @@ impl Learner {
             work: None,
             random: Random::new(1),
             stats: LearnerStats::default(),
+            price: 1.0,
         })
     }
 
@@ -144,11 +148,12 @@ impl Learner {
     }
 
     /// Takes a frame and does a slice of work. Returns an update, if one is proven. The scene stays as it is until the
-    /// update is [adopted](Learner::adopt).
+    /// update is [adopted](Learner::adopt). `price`: see [`Encoder::learn_more`](crate::Encoder::learn_more).
     ///
     /// # Errors
     /// If the device fails. What was learnt before stays.
-    pub fn frame(&mut self, found: &Found) -> Result<Option<Proven>, Error> {
+    pub fn frame(&mut self, found: &Found, price: f64) -> Result<Option<Proven>, Error> {
+        self.price = if price.is_finite() { price.max(1.0) } else { 1.0 };
         self.collect(found)?;
         let work = match self.work.take() {
             Some(Work::Training(draft)) => self.refine(draft)?,
@@ -186,8 +191,8 @@ impl Learner {
 
     /// Keeps a frame if the camera has moved enough, and in any case to judge by.
     fn keep(&mut self, found: &Found) -> Result<(), Error> {
-        let Found { number, frame, render, pose, mask, .. } = *found;
-        let frame = Arc::new(KeyFrame::new(number, &self.camera, pose, frame, mask));
+        let Found { number, frame, render, pose, mask, .. } = found;
+        let frame = Arc::new(KeyFrame::new(*number, &self.camera, pose, frame, mask.as_deref()));
         if self.work.is_some() {
             let held = HeldOut { frame: frame.clone(), render: render.clone() };
             // One more: what is worth its bytes is chosen by the first of them.
@@ -378,7 +383,7 @@ impl Learner {
         let (update, changes) = draft.update(self.scene.id(), &self.learnt, &self.trainer.state()?);
         let new = |splat: &NewSplat| Part { splat: splat.learnt(&update.grid), new: 1.0 };
         let parts = update.splats.iter().map(new).chain(changes).collect();
-        let horizon = self.horizon() / self.options.price;
+        let horizon = self.horizon() / self.price;
         let trial = Trial::new(&self.learnt, update, parts, horizon)?;
         Ok(trial.map(Work::Judging))
     }

@@ -18,9 +18,6 @@ pub struct LearnOptions {
     /// Within so many key frames, and the frames between them, an update must save the bytes that it takes. Key frames
     /// are frames between which the camera has moved by [`parallax`](LearnOptions::parallax).
     pub horizon: u32,
-    /// Bytes of pictures that a byte of an update costs, 1 or more: on a link its headers and parity take more. See
-    /// [`Sender::update_price`](crate::modem::Sender::update_price).
-    pub price: f64,
     /// Frames that an update is judged by, none of which it was learnt from.
     pub judged: usize,
 }
@@ -35,7 +32,6 @@ impl LearnOptions {
             frames,
             fewest_frames: self.fewest_frames.clamp(3, frames),
             splats: self.splats.min(256),
-            price: if self.price.is_finite() { self.price.max(1.0) } else { 1.0 },
             judged: self.judged.clamp(2, 64),
             ..self.clone()
         }
@@ -52,7 +48,6 @@ impl Default for LearnOptions {
             parallax: 4.0,
             splats: 100,
             horizon: 15,
-            price: 1.0,
             judged: 2,
         }
     }

@@ -4,6 +4,7 @@
 
 #include "common.h"
 
+#include <math.h>
 #include <nvsprior_extra.h>
 
 #define MTU 64
@@ -123,6 +124,8 @@ static void check_options(void) {
     options.flags = 0;
     MUST(nvsp_sender_create(MTU, &options, &sender));
     EXPECT(NVSP_ERR_STATE, nvsp_sender_push_update(sender, 0, updates[0].bytes, updates[0].size));
+    double price = 0;
+    EXPECT(NVSP_ERR_STATE, nvsp_sender_update_price(sender, &price));
     nvsp_sender_destroy(sender);
     nvsp_collector_options own = NVSP_INITIALIZER(nvsp_collector_options);
     own.reserved = 1;
@@ -158,6 +161,10 @@ static void check_link(void) {
     uint32_t held = 0, added = 0, frames = 0;
     EXPECT(NVSP_PENDING, nvsp_sender_held_update(sender, &held));
     EXPECT(NVSP_ERR_NULL, nvsp_sender_held_update(sender, NULL));
+    double price = 0;
+    EXPECT(NVSP_ERR_NULL, nvsp_sender_update_price(sender, NULL));
+    EXPECT(NVSP_OK, nvsp_sender_update_price(sender, &price));
+    CHECK(price >= 1 && price < 10);
     EXPECT(NVSP_ERR_NULL, nvsp_sender_push_update(sender, 0, NULL, 1));
     EXPECT(NVSP_ERR_NULL, nvsp_collector_fetch_update(collector, 0, NULL, 1, NULL));
     EXPECT(NVSP_ERR_UPDATE, nvsp_sender_push_update(sender, 0, updates[0].bytes, updates[0].size - 1));
@@ -256,8 +263,12 @@ static void check_learning(void) {
     for (int frame = 0; frame < dive.frames; frame++) {
         size_t size = 0;
         show(encoder, both.decoder, frame, 1);
+        EXPECT(NVSP_OK, nvsp_encoder_learn(encoder, 1));
+        EXPECT(NVSP_OK, nvsp_encoder_learn(encoder, 1));
         EXPECT(NVSP_PENDING, nvsp_encoder_take_update(encoder, update, NVSP_UPDATE_BYTES, &size));
     }
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_learn(encoder, 0.5));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_learn(encoder, NAN));
     EXPECT(NVSP_PENDING, nvsp_encoder_adopt_update(encoder, 1));
     EXPECT(NVSP_OK, nvsp_encoder_drop_update(encoder));
     free(update);

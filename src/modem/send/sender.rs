@@ -449,13 +449,14 @@ impl Sender {
         Ok(())
     }
 
-    /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `LearnOptions::price`. An
+    /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `Encoder::learn_more`. An
     /// update needs parity for all of it. Of a picture what comes is shown, so its bytes count by the chance that they
     /// come. `None`: no updates are sent.
     pub fn update_price(&self) -> Option<f64> {
         let (updates, link) = (self.updates.as_ref()?, self.link());
         let cost = updates.cost(TYPICAL_UPDATE, &link).ok()?;
-        Some(cost as f64 / TYPICAL_UPDATE as f64 * (1.0 - link.loss.chance))
+        let price = cost as f64 / TYPICAL_UPDATE as f64 * (1.0 - link.loss.chance);
+        Some(price.max(1.0))
     }
 
     /// Number of the newest update that frames may be drawn with from now on; `None`: they are drawn with none yet.

@@ -281,7 +281,7 @@ fn encode(
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;
-    let update_bytes = learn::write_update(encoder, dive_file, &packet)?;
+    let update_bytes = learn::learn_more(encoder, dive_file, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
         frame_file::write_png(&path, &encoded.picture)?;

@@ -107,9 +107,10 @@ impl Vehicle {
         let VehicleOptions { sender, mode, threshold, frames_treated } = *options;
         let options = EncoderOptions { threshold, frames_treated, mode, ..Default::default() };
         let mut encoder = Encoder::new(engine, scene, camera, options)?;
+        let learns = sender.updates.is_some();
         let sender = Sender::new(sender)?;
-        if let Some(price) = sender.update_price() {
-            encoder.learn(&LearnOptions { price, ..LearnOptions::default() })?;
+        if learns {
+            encoder.learn(&LearnOptions::default())?;
         }
         Ok(Vehicle {
             encoder,
@@ -167,9 +168,11 @@ impl Vehicle {
         }
     }
 
-    /// Sends the update that the last frame proved. What the sender has no room for is dropped.
+    /// Learns from the last frame, and sends the update that it proves. What the sender has no room for is dropped.
     pub fn learn(&mut self, now: f64) -> anyhow::Result<()> {
-        let Some(update) = self.encoder.take_update()? else { return Ok(()) };
+        let Some(price) = self.sender.update_price() else { return Ok(()) };
+        self.encoder.learn_more(price)?;
+        let Some(update) = self.encoder.take_update() else { return Ok(()) };
         match self.sender.push_update(now, &update) {
             Err(ModemError::UpdatesFull { .. } | ModemError::UpdateTooLong { .. }) => {
                 self.encoder.drop_update();

@@ -80,14 +80,16 @@ impl LearnArgs {
     }
 }
 
-/// Writes the update that the last frame proved, beside its packet, keeps it and adopts it. Returns its bytes; 0: there
-/// is none.
-pub fn write_update(
+/// Learns from the last frame. Writes the update that it proves beside its packet, keeps it and adopts it. Returns its
+/// bytes; 0: there is none.
+pub fn learn_more(
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
     packet: &Path,
 ) -> anyhow::Result<usize> {
-    let (Some(update), Some(dive_file)) = (encoder.take_update()?, dive_file) else { return Ok(0) };
+    let Some(dive_file) = dive_file else { return Ok(0) };
+    encoder.learn_more(1.0)?;
+    let Some(update) = encoder.take_update() else { return Ok(0) };
     replace_file(&packet.with_extension("nvsu"), &update)?;
     dive_file.add(Update::read(&update)?)?;
     if let Some(number) = encoder.waiting_update() {
