@@ -118,6 +118,7 @@ fn silence_is_told_and_the_page_recovers(page: &Page, desk: &mut Desk) {
     page.until("the failure", "byId('banner').textContent.includes('does not answer')");
     std::thread::sleep(Duration::from_secs(2));
     assert!(!page.is("byId('banner').hidden"));
+    assert_eq!(page.text("pose-name"), "was certain", "what was said long ago is not said of now");
     page.save("silent");
     let before = page.number("window.latencies.length");
     desk.start_console();

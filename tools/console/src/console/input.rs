@@ -206,8 +206,8 @@ fn take_datagrams(socket: &UdpSocket, clock: Clock, events: &SyncSender<Event>) 
     }
 }
 
-/// Takes modem frames from a line of bytes: each is in COBS, with a zero byte behind it. What is none is handed on as it
-/// came, and counts as garbage there.
+/// Takes modem frames from a line of bytes: each is in COBS, with a zero byte behind it. What is none is handed on as
+/// it came, and counts as garbage there.
 fn take_framed(
     mut input: impl Read,
     clock: Clock,

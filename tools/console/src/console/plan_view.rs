@@ -16,8 +16,8 @@ const OPAQUE: f64 = 0.3;
 /// How many times as far away as the scene is wide the camera stands: all is seen from straight above.
 const FAR: f64 = 12.0;
 
-/// Which way is up. The mapping run's cameras were held level, so it is the direction that is square to all their x axes;
-/// and it is against the mean of their y axes, which point down. A prior without key frames is drawn along its thinnest
+/// Which way is up. The mapping run's cameras were held level: so it is the direction that is square to all their x
+/// axes, and against the mean of their y axes, which point down. A prior without key frames is drawn along its thinnest
 /// axis.
 pub fn up(prior: &Prior) -> DVec3 {
     let poses = prior.key_frames().poses();
@@ -35,8 +35,8 @@ pub fn up(prior: &Prior) -> DVec3 {
     -DVec3::from_array(std::array::from_fn(|axis| f64::from(axis == thinnest)))
 }
 
-/// The direction near `about` that is most square to some unit vectors: the eigenvector of least eigenvalue of the sum of
-/// their squares, by power iteration.
+/// The direction near `about` that is most square to some unit vectors: the eigenvector of least eigenvalue of the sum
+/// of their squares, by power iteration.
 fn level_up(vectors: impl Iterator<Item = DVec3>, about: DVec3) -> DVec3 {
     let square = |v: DVec3| DMat3::from_cols(v * v.x, v * v.y, v * v.z);
     let rest = vectors.fold(DMat3::ZERO, |sum, v| sum + DMat3::IDENTITY - square(v));

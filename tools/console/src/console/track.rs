@@ -63,8 +63,8 @@ impl Track {
         self.places.iter().copied().chain(newest)
     }
 
-    /// The poses at some times after the newest one, seconds: the motion of the last seconds goes on. `None`: too little
-    /// is known, or the vehicle was not certain since.
+    /// The poses at some times after the newest one, seconds: the motion of the last seconds goes on. `None`: too
+    /// little is known, or the vehicle was not certain since.
     pub fn predicted(&self, now: f64, after: impl Iterator<Item = f64>) -> Option<Vec<Pose>> {
         let (first, last) = (self.recent.front()?, self.recent.back()?);
         let seconds = last.time - first.time;

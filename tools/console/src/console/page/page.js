@@ -103,6 +103,15 @@ function drawPlots() {
   drawBars(byId("loss-plot"), losses, worst, DOUBT, SLOTS);
 }
 
+// What the vehicle said of its pose. Of long ago, it says nothing of now.
+function showPose(isOld) {
+  const pose = state.pose;
+  byId("pose").dataset.pose = isOld && pose !== "lost" ? "old" : pose;
+  byId("pose-sign").textContent = isOld ? "?" : SIGNS[pose];
+  byId("pose-name").textContent = isOld && pose !== "waiting" ? `was ${NAMES[pose]}` : NAMES[pose];
+  byId("pose-label").textContent = isOld ? "nothing new is known" : LABELS[pose];
+}
+
 const seconds = (value) => (value < 99.95 ? `${value.toFixed(1)} s` : `${Math.round(value)} s`);
 
 // What goes on between two states: ages.
@@ -113,6 +122,7 @@ function tick() {
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
   const level = !picture || age < OLD ? 0 : age < VERY_OLD ? 1 : 2;
   byId("age-box").dataset.level = level;
+  showPose(level === 2 || !isConnected);
   byId("stage").classList.toggle("old", level === 2 || !isConnected);
   byId("silence").textContent = state.link.silence === null ? "–" : seconds(state.link.silence + since());
   byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.ended;
@@ -123,11 +133,7 @@ function tick() {
 }
 
 function showState() {
-  const { pose, link, picture } = state;
-  byId("pose").dataset.pose = pose;
-  byId("pose-sign").textContent = SIGNS[pose];
-  byId("pose-name").textContent = NAMES[pose];
-  byId("pose-label").textContent = LABELS[pose];
+  const { link, picture } = state;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
   byId("age-label").textContent = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
   byId("rate").textContent = Math.round(link.bit_rate);
