@@ -52,6 +52,9 @@ look() {
             need vulkan-validationlayers "the Vulkan validation layer" validation_layer
             program spirv-val spirv-tools
             ;;
+        browser) # For the console's page.
+            program chromium
+            ;;
         gpu-check) # A driver that compiles for a GPU that is not there.
             need libvulkan1 libvulkan.so.1 vulkan_loader
             need mesa-vulkan-drivers "Mesa's RADV" radv

@@ -12,6 +12,8 @@ pub struct Interest {
     columns: u32,
     rows: u32,
     weights: Vec<u8>,
+    /// The greatest weight of all: each pixel is compared with it.
+    greatest: u8,
 }
 
 /// Most cells along a side.
@@ -31,7 +33,8 @@ impl Interest {
         if let Some(cell) = weights.iter().position(|weight| *weight == 0) {
             return Err(ResidualError::InterestWeight { cell });
         }
-        Ok(Interest { columns, rows, weights: weights.to_vec() })
+        let greatest = weights.iter().copied().max().unwrap_or(1);
+        Ok(Interest { columns, rows, weights: weights.to_vec(), greatest })
     }
 
     /// A rectangle in pictures of a size, pixels: what lies in it has the weight, all else 1. Parts outside the picture
@@ -55,6 +58,7 @@ impl Interest {
         if weight == 0 {
             return Err(ResidualError::InterestWeight { cell: 0 });
         }
+        interest.greatest = weight;
         for row in y {
             let start = (row * columns) as usize;
             interest.weights[start + x.start as usize..start + x.end as usize].fill(weight);
@@ -64,7 +68,7 @@ impl Interest {
 
     /// The greatest weight of all.
     pub(super) fn greatest(&self) -> u8 {
-        self.weights.iter().copied().max().unwrap_or(1)
+        self.greatest
     }
 
     /// The greatest weight in a part of the picture. `across` and `down`: the part's ends, of `of` pixels.

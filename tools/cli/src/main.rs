@@ -27,6 +27,7 @@ mod view_set;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use nvsprior_console::{channel, console, vehicle};
 use nvsprior_inputs::values::WrongUsage;
 use nvsprior_lab::{bench, link, stability, verify_device};
 
@@ -56,6 +57,9 @@ enum Command {
     Split(split::Args),
     Join(join::Args),
     Link(link::Args),
+    Vehicle(vehicle::Args),
+    Channel(channel::Args),
+    Console(console::Args),
     Render(render::Args),
     Inspect(inspect::Args),
     Map(map::Args),
@@ -80,6 +84,9 @@ fn main() -> ExitCode {
         Command::Split(args) => split::run(&args),
         Command::Join(args) => join::run(&args),
         Command::Link(args) => link::run(&args),
+        Command::Vehicle(args) => vehicle::run(&args),
+        Command::Channel(args) => channel::run(&args),
+        Command::Console(args) => console::run(&args),
         Command::Render(args) => render::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Map(args) => map::run(&args),

@@ -64,6 +64,16 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Things per second: bits, frames.
+pub fn rate(text: &str) -> Result<f64, String> {
+    within(text, 0.01, 1e9, "between 0.01 and 1e9")
+}
+
+/// A time on a link, seconds.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    within(text, 0.0, 3600.0, "between 0 and 3600 seconds")
+}
+
 /// A number of things: at most 100,000.
 pub fn count(text: &str) -> Result<usize, String> {
     match text.parse() {

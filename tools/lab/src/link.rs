@@ -6,14 +6,15 @@ mod region;
 mod report;
 mod simulation;
 mod topside;
-mod vehicle;
 mod video;
 
 use std::path::PathBuf;
 
 use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
-use nvsprior::modem::{Loss, ModemError, UpdateOptions};
+use nvsprior::modem::{
+    Loss, ModemError, Protection, RateControlOptions, Sender, SenderOptions, UpdateOptions,
+};
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
@@ -21,6 +22,9 @@ use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_link::channel::ChannelOptions;
+use nvsprior_link::forth_and_back;
+use nvsprior_link::vehicle::VehicleOptions;
 
 use region::Region;
 use report::LinkRun;
@@ -61,7 +65,7 @@ pub struct Args {
     #[arg(long)]
     region: bool,
     /// Camera frames per second
-    #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = rate)]
+    #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = values::rate)]
     fps: f64,
     /// Also send the frames by a video coder, over the same channel, with the same part of the bytes as parity. Shows
     /// the best of all its frame rates and qualities. Its first picture is there from the start, at no cost. Needs
@@ -88,7 +92,7 @@ struct LinkArgs {
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Bits per second [default: 5000]
-    #[arg(long, value_name = "BPS", value_parser = rate)]
+    #[arg(long, value_name = "BPS", value_parser = values::rate)]
     bit_rate: Option<f64>,
     /// Most bytes of a modem frame [default: 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..))]
@@ -126,13 +130,13 @@ struct LinkArgs {
     #[arg(long, requires = "return_delay")]
     half_duplex: bool,
     /// Seconds from exposure to display
-    #[arg(long, value_name = "S", default_value_t = 1.5, value_parser = rate)]
+    #[arg(long, value_name = "S", default_value_t = 1.5, value_parser = values::rate)]
     latency: f64,
     /// Seconds of that for search, coding and decoding
     #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = values::not_negative)]
     coding: f64,
     /// Most pictures per second [default: --fps]
-    #[arg(long, value_name = "N", value_parser = rate)]
+    #[arg(long, value_name = "N", value_parser = values::rate)]
     frame_rate: Option<f64>,
     /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the
     /// frame rate falls before quality does
@@ -153,13 +157,6 @@ enum Preset {
     MicroModem,
     /// The paper's: 100 kbit/s, frames of 1024 bytes, 0.1 s away
     Paper,
-}
-
-fn rate(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (0.01..=1e9).contains(&value) => Ok(value),
-        _ => Err("must lie between 0.01 and 1e9".into()),
-    }
 }
 
 /// A channel and its use, all defaults filled in.
@@ -227,8 +224,52 @@ impl LinkArgs {
             shares: self.shares.into(),
             seed: self.seed,
         };
-        vehicle::sender(&setting)?;
+        Sender::new(setting.sender())?;
         Ok(setting)
+    }
+}
+
+impl Setting {
+    fn sender(&self) -> SenderOptions {
+        let control = RateControlOptions {
+            bit_rate: self.bit_rate,
+            mtu: self.mtu,
+            overhead: self.overhead,
+            latency: self.latency,
+            delay: self.coding + self.propagation,
+            spread: self.spread,
+            frame_rate: self.frame_rate,
+            min_bytes: self.min_bytes,
+            max_shares: self.shares,
+            loss: self.assumed,
+            user: None,
+        };
+        SenderOptions {
+            control,
+            stream: 0,
+            protection: Protection::Layers,
+            expect_reports: self.return_delay.is_some(),
+            updates: self.updates,
+        }
+    }
+
+    /// The vehicle's side; [`Footage`] has its frames treated.
+    fn vehicle(&self, threshold: f64) -> VehicleOptions {
+        VehicleOptions { sender: self.sender(), mode: self.mode, threshold, frames_treated: true }
+    }
+
+    /// The channel, for a run of so many seconds.
+    fn channel(&self, seconds: f64) -> ChannelOptions {
+        let middle = seconds / 2.0;
+        ChannelOptions {
+            bit_rate: self.bit_rate,
+            overhead: self.overhead,
+            propagation: self.propagation,
+            loss: self.loss,
+            reorder: self.reorder,
+            blackout: [middle, middle + self.blackout],
+            seed: self.seed,
+        }
     }
 }
 
@@ -269,16 +310,9 @@ impl Footage {
         Ok(Footage { camera, first, pictures, regions: Vec::new() })
     }
 
-    /// Which picture frame `k` is, in a run that goes forth and back.
-    fn place(&self, k: usize) -> usize {
-        let last = self.pictures.len() - 1;
-        let round = k % (2 * last).max(1);
-        if round > last { 2 * last - round } else { round }
-    }
-
     /// Frame `k` of the run.
     fn picture(&self, k: usize) -> &Picture {
-        &self.pictures[self.place(k)]
+        &self.pictures[forth_and_back(k, self.pictures.len())]
     }
 
     /// Mean part of a picture that shows what the prior does not; `None`: it is not asked for.
@@ -289,7 +323,7 @@ impl Footage {
 
     /// Where it shows what the prior does not, if that is known.
     fn region(&self, k: usize) -> Option<&Region> {
-        self.regions.get(self.place(k))
+        self.regions.get(forth_and_back(k, self.pictures.len()))
     }
 }
 
@@ -376,22 +410,5 @@ mod tests {
             shares: 16,
             seed: 1,
         }
-    }
-
-    #[test]
-    fn footage_goes_forth_and_back() {
-        let camera =
-            nvsprior::Camera { width: 16, height: 16, fx: 16.0, fy: 16.0, cx: 8.0, cy: 8.0 };
-        let pictures: Vec<_> = (0..4)
-            .map(|k| {
-                let mut picture = Picture::new(16, 16);
-                picture.data[0] = k;
-                picture
-            })
-            .collect();
-        let footage =
-            Footage { camera, first: FrameInfo::default(), pictures, regions: Vec::new() };
-        let order: Vec<_> = (0..8).map(|k| footage.picture(k).data[0]).collect();
-        assert_eq!(order, [0, 1, 2, 3, 2, 1, 0, 1]);
     }
 }

@@ -5,6 +5,7 @@ mod bench;
 mod codecs;
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
+mod console;
 mod decode;
 mod demo_prior;
 mod device_report;

@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::Setting;
 use super::region::RegionPsnr;
 use super::topside::Shown;
-use super::vehicle::{PacketBytes, SentPacket, SentUpdate};
 use super::video::Beside;
 use crate::report::{Table, fixed, write_json};
+use nvsprior_link::vehicle::{PacketBytes, SentPacket, SentUpdate};
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {

@@ -8,11 +8,11 @@ use nvsprior::Engine;
 use nvsprior::modem::Report;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
+use nvsprior_link::vehicle::{CameraFrame, SentPacket, Vehicle};
 
-use super::channel::Channel;
+use super::channel::LoggedChannel;
 use super::report::{LinkRun, Moment};
 use super::topside::Topside;
-use super::vehicle::Vehicle;
 use super::{Footage, Setting};
 
 /// Seconds between two reports of the topside.
@@ -74,6 +74,7 @@ pub struct Simulation<'a> {
     footage: &'a Footage,
     setting: Setting,
     vehicle: Vehicle,
+    packets: Vec<SentPacket>,
     topside: Topside,
     plan: Agenda,
     /// When the next modem frame is looked for, seconds.
@@ -94,7 +95,8 @@ impl<'a> Simulation<'a> {
         let camera = &footage.camera;
         Ok(Simulation {
             footage,
-            vehicle: Vehicle::new(engine, scene, footage, &setting, threshold)?,
+            vehicle: Vehicle::new(engine, scene, camera, &setting.vehicle(threshold))?,
+            packets: Vec::new(),
             topside: Topside::new(engine, scene, camera, &setting)?,
             setting,
             plan: Agenda::default(),
@@ -108,7 +110,7 @@ impl<'a> Simulation<'a> {
     pub fn run(mut self, frames: usize, mut done: impl FnMut()) -> anyhow::Result<LinkRun> {
         let seconds = frames as f64 / self.setting.fps;
         self.end = seconds + self.setting.latency;
-        let mut channel = Channel::new(&self.setting, seconds);
+        let mut channel = LoggedChannel::new(&self.setting, seconds);
         for frame in 0..frames {
             let exposed = frame as f64 / self.setting.fps;
             self.plan.add(exposed, Event::Exposed(frame));
@@ -126,7 +128,7 @@ impl<'a> Simulation<'a> {
                 Event::Exposed(frame) => self.expose(frame, time)?,
                 Event::Due if time == self.next_due => {
                     self.next_due = f64::INFINITY;
-                    while let Some(share) = self.vehicle.next_share(time) {
+                    while let Some((_, share)) = self.vehicle.next_share(time) {
                         send(&mut self.plan, &mut channel, time, share);
                     }
                     self.plan_due(time);
@@ -156,7 +158,7 @@ impl<'a> Simulation<'a> {
             resent: self.vehicle.resent,
             piece_bytes: self.vehicle.piece_bytes(),
             updates: self.vehicle.updates,
-            packets: self.vehicle.sent,
+            packets: self.packets,
             pictures: self.topside.pictures,
             repaired,
             worst_second,
@@ -167,7 +169,13 @@ impl<'a> Simulation<'a> {
     fn expose(&mut self, frame: usize, now: f64) -> anyhow::Result<()> {
         let hint = if frame == 0 { self.footage.first.hint } else { None };
         let info = FrameInfo { hint, time: Some(now) };
-        self.vehicle.take(frame, now, self.footage.picture(frame), info)?;
+        let picture = self.footage.picture(frame);
+        let taken = CameraFrame { number: frame, exposed: now, picture, info, user: None };
+        let ready = now + self.setting.coding;
+        if let Some(packet) = self.vehicle.take(&taken, || ready)? {
+            self.packets.push(packet);
+            self.vehicle.learn(ready)?;
+        }
         self.plan_due(now);
         Ok(())
     }
@@ -181,7 +189,7 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    fn report(&mut self, now: f64, channel: &mut Channel) -> anyhow::Result<()> {
+    fn report(&mut self, now: f64, channel: &mut LoggedChannel) -> anyhow::Result<()> {
         let Some(report) = self.topside.report()? else { return Ok(()) };
         if self.setting.half_duplex {
             channel.occupy(now, report.len());
@@ -201,7 +209,7 @@ impl<'a> Simulation<'a> {
     }
 }
 
-fn send(plan: &mut Agenda, channel: &mut Channel, now: f64, share: &[u8]) {
+fn send(plan: &mut Agenda, channel: &mut LoggedChannel, now: f64, share: &[u8]) {
     if let Some(arrival) = channel.send(now, share.len()).arrival {
         plan.add(arrival, Event::Arrived(share.to_vec()));
     }

@@ -5,10 +5,10 @@ mod unit;
 
 use clap::ValueEnum;
 use nvsprior::Picture;
+use nvsprior_link::channel::Channel;
 use serde::Serialize;
 
 use super::Setting;
-use super::channel::Channel;
 use super::report::LinkRun;
 use coder::Coded;
 
@@ -167,7 +167,7 @@ fn divided(coded: &Coded, setting: &Setting, parity: f64) -> impl Iterator<Item 
 /// Which pictures arrive in time. The first one is there from the start, at no cost: a codec's first picture takes
 /// seconds on such a link.
 fn arrived(coded: &Coded, setting: &Setting, seconds: f64, parity: f64) -> Vec<bool> {
-    let mut channel = Channel::new(setting, seconds);
+    let mut channel = Channel::new(setting.channel(seconds));
     // When each modem frame is due: those of a picture are spread as those of a packet.
     let mut due = Vec::new();
     let shares: Vec<_> = divided(coded, setting, parity).collect();

@@ -3,16 +3,22 @@
 use std::sync::Arc;
 
 use nvsprior::learning::LearnOptions;
-use nvsprior::modem::{
-    Division, ModemError, PacketState, Protection, RateControlOptions, Report, Sender,
-    SenderOptions,
-};
+use nvsprior::modem::{Division, ModemError, PacketState, Report, Sender, SenderOptions};
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
-use nvsprior::{Encoded, Encoder, EncoderOptions, Engine, Error, Picture, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Error, Mode, Picture, Rate};
 
-use super::{Footage, Setting};
+/// How a vehicle encodes and sends.
+#[derive(Clone, Copy, Debug)]
+pub struct VehicleOptions {
+    pub sender: SenderOptions,
+    pub mode: Mode,
+    /// See [`EncoderOptions::threshold`].
+    pub threshold: f64,
+    /// See [`EncoderOptions::frames_treated`].
+    pub frames_treated: bool,
+}
 
 pub struct SentPacket {
     pub frame: usize,
@@ -23,6 +29,7 @@ pub struct SentPacket {
     pub render_psnr: f64,
     /// Of the whole packet.
     pub psnr: f64,
+    pub certain: bool,
     pub inter: bool,
     /// Number of the update that it is drawn with; 0: the prior alone.
     pub update: u16,
@@ -72,30 +79,37 @@ pub struct Vehicle {
     encoded: Encoded,
     /// The camera's frame after the last one that was sent.
     next: usize,
-    pub sent: Vec<SentPacket>,
     /// Bytes of shares that were sent again.
     pub resent: usize,
     pub updates: Vec<SentUpdate>,
-    setting: Setting,
+}
+
+/// A camera frame that a vehicle takes.
+pub struct CameraFrame<'a> {
+    /// Its number: all camera frames count.
+    pub number: usize,
+    /// When it was exposed, seconds.
+    pub exposed: f64,
+    pub picture: &'a Picture,
+    pub info: FrameInfo,
+    /// User bytes that travel with it.
+    pub user: Option<&'a [u8]>,
 }
 
 impl Vehicle {
+    /// It learns if its sender sends updates; `scene` must have been uploaded for them then.
     pub fn new(
         engine: &Engine,
         scene: &Arc<Scene>,
-        footage: &Footage,
-        setting: &Setting,
-        threshold: f64,
+        camera: &Camera,
+        options: &VehicleOptions,
     ) -> anyhow::Result<Vehicle> {
-        let options = EncoderOptions {
-            threshold,
-            frames_treated: true,
-            mode: setting.mode,
-            ..Default::default()
-        };
-        let mut encoder = Encoder::new(engine, scene, &footage.camera, options)?;
-        let sender = sender(setting)?;
-        if setting.updates.is_some() {
+        let VehicleOptions { sender, mode, threshold, frames_treated } = *options;
+        let options = EncoderOptions { threshold, frames_treated, mode, ..Default::default() };
+        let mut encoder = Encoder::new(engine, scene, camera, options)?;
+        let learns = sender.updates.is_some();
+        let sender = Sender::new(sender)?;
+        if learns {
             encoder.learn(&LearnOptions::default())?;
         }
         Ok(Vehicle {
@@ -103,43 +117,46 @@ impl Vehicle {
             sender,
             encoded: Encoded::default(),
             next: 0,
-            sent: Vec::new(),
             resent: 0,
             updates: Vec::new(),
-            setting: setting.clone(),
         })
     }
 
-    /// Takes a frame; leaves it out if the link has no bytes for it.
+    /// Takes a frame, and divides its packet into shares. `ready` tells when that is, seconds; it is asked when the
+    /// frame is coded. `None`: the link has no bytes for the frame, so it is left out. Call [`Vehicle::learn`] once
+    /// the shares that are due are sent.
     pub fn take(
         &mut self,
-        frame: usize,
-        exposed: f64,
-        picture: &Picture,
-        info: FrameInfo,
-    ) -> anyhow::Result<()> {
+        frame: &CameraFrame,
+        ready: impl FnOnce() -> f64,
+    ) -> anyhow::Result<Option<SentPacket>> {
+        let CameraFrame { number, exposed, picture, info, user } = *frame;
         self.adopt(exposed);
-        let Some(bytes) = self.sender.plan(exposed)? else { return Ok(()) };
-        self.encoder.skip((frame - self.next) as u32);
-        self.next = frame + 1;
+        let Some(bytes) = self.sender.plan(exposed)? else { return Ok(None) };
+        self.encoder.skip((number - self.next) as u32);
+        self.next = number + 1;
         // A packet that tells the camera has as many bytes for its difference picture as others.
         let bytes = bytes + self.encoder.extra_bytes();
         self.encode(picture, info, bytes)?;
         let packet = &self.encoded.packet;
-        let ready = exposed + self.setting.coding;
-        let division = self.sender.push(ready, packet, None)?;
+        let division = self.sender.push(ready(), packet, user)?;
         let stats = &self.encoded.stats;
-        self.sent.push(SentPacket {
-            frame,
+        Ok(Some(SentPacket {
+            frame: number,
             number: stats.frame,
             exposed,
             bytes: PacketBytes::of(&division, Extent::read(packet)?.head),
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
+            certain: stats.certain,
             inter: stats.reference.is_some(),
             update: self.encoder.learnt().number(),
-        });
-        self.learn(ready)
+        }))
+    }
+
+    /// The encoder: its mask, its region of interest.
+    pub fn encoder(&mut self) -> &mut Encoder {
+        &mut self.encoder
     }
 
     /// Draws with the update that waits, once the topside holds it.
@@ -152,7 +169,7 @@ impl Vehicle {
     }
 
     /// Learns from the last frame, and sends the update that it proves. What the sender has no room for is dropped.
-    fn learn(&mut self, now: f64) -> anyhow::Result<()> {
+    pub fn learn(&mut self, now: f64) -> anyhow::Result<()> {
         let Some(price) = self.sender.update_price() else { return Ok(()) };
         self.encoder.learn_more(price)?;
         let Some(update) = self.encoder.take_update() else { return Ok(()) };
@@ -187,9 +204,14 @@ impl Vehicle {
         }
     }
 
-    /// The next share that is due at `now`.
-    pub fn next_share(&mut self, now: f64) -> Option<&[u8]> {
-        self.sender.next(now).map(|(_, share)| share)
+    /// The next share that is due at `now`, and when it was.
+    pub fn next_share(&mut self, now: f64) -> Option<(f64, &[u8])> {
+        self.sender.next(now)
+    }
+
+    /// Longest time from a frame's exposure to the end of its packet's last share, seconds.
+    pub fn latency(&self) -> f64 {
+        self.sender.options().latency
     }
 
     /// When the next share is due, seconds.
@@ -204,28 +226,4 @@ impl Vehicle {
         self.resent += self.sender.process_report(now, report)?.bytes;
         Ok(())
     }
-}
-
-/// The sender of a setting; fails if the setting cannot be.
-pub fn sender(setting: &Setting) -> Result<Sender, ModemError> {
-    let control = RateControlOptions {
-        bit_rate: setting.bit_rate,
-        mtu: setting.mtu,
-        overhead: setting.overhead,
-        latency: setting.latency,
-        delay: setting.coding + setting.propagation,
-        spread: setting.spread,
-        frame_rate: setting.frame_rate,
-        min_bytes: setting.min_bytes,
-        max_shares: setting.shares,
-        loss: setting.assumed,
-        user: None,
-    };
-    Sender::new(SenderOptions {
-        control,
-        stream: 0,
-        protection: Protection::Layers,
-        expect_reports: setting.return_delay.is_some(),
-        updates: setting.updates,
-    })
 }

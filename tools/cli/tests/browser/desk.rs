@@ -1,0 +1,176 @@
+//! Vehicle, channel and console on one machine, on the demo's run T2.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+const FRAMES: usize = 60;
+const FRAMES_PER_SECOND: f64 = 3.0;
+const SIZE: (u32, u32) = (320, 180);
+
+/// What the camera sees.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Water {
+    Clear,
+    Silt,
+}
+
+/// A program that ends when it is dropped.
+struct Program {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Program {
+    fn start(args: &str) -> (Program, ChildStdin) {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
+            .args(args.split_whitespace())
+            .current_dir(folder())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let (sender, lines) = channel();
+        std::thread::spawn(move || {
+            output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
+        let input = child.stdin.take().unwrap();
+        (Program { child, lines }, input)
+    }
+
+    /// The next line that has a text in it.
+    fn says(&self, text: &str) -> String {
+        loop {
+            let line = self.lines.recv_timeout(Duration::from_secs(90));
+            let line = line.unwrap_or_else(|_| panic!("nobody said {text:?}"));
+            if line.contains(text) {
+                return line;
+            }
+        }
+    }
+}
+
+pub struct Desk {
+    console: Option<Program>,
+    vehicle: Program,
+    _channel: Program,
+    pub page: String,
+    udp: String,
+    silt: Arc<AtomicBool>,
+}
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/console-test");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+fn behind<'a>(line: &'a str, word: &str) -> &'a str {
+    line.split_once(word).unwrap().1.split([' ', '\n']).next().unwrap()
+}
+
+impl Desk {
+    pub fn start() -> Desk {
+        let run = |args: &str| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_nvsprior"));
+            let done =
+                command.args(args.split_whitespace()).current_dir(folder()).output().unwrap();
+            assert!(done.status.success(), "{args}: {}", String::from_utf8_lossy(&done.stderr));
+        };
+        if !folder().join("prior.ply").exists() {
+            run("demo --out . --frames 1");
+        }
+        if !folder().join(format!("T2/T2/{FRAMES:04}.png")).exists() {
+            run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out ."));
+        }
+        let (console, page, udp) = console("127.0.0.1:0", "127.0.0.1:0");
+        let link =
+            format!("channel --from 127.0.0.1:0 --to {udp} --bit-rate 8000 --loss 0.1 --delay 0.5");
+        let (channel, _) = Program::start(&link);
+        let modem = behind(&channel.says("channel: "), "from ").to_owned();
+        let args =
+            "--prior prior.ply --cameras T2/cameras.json --split T2 --raw 320x180 --bit-rate 8000";
+        let (vehicle, input) = Program::start(&format!(
+            "vehicle {args} --frame-rate {FRAMES_PER_SECOND} --to {modem}"
+        ));
+        let silt = Arc::new(AtomicBool::new(false));
+        film(input, silt.clone());
+        Desk { console: Some(console), vehicle, _channel: channel, page, udp, silt }
+    }
+
+    pub fn water(&self, water: Water) {
+        self.silt.store(water == Water::Silt, Ordering::Relaxed);
+    }
+
+    pub fn vehicle_says(&self, text: &str) {
+        self.vehicle.says(text);
+    }
+
+    pub fn stop_console(&mut self) {
+        self.console = None;
+    }
+
+    /// Starts it at the addresses that it had.
+    pub fn start_console(&mut self) {
+        let page = self.page.trim_start_matches("http://").trim_end_matches('/');
+        self.console = Some(console(page, &self.udp).0);
+    }
+
+    /// Processor time that the console has taken, seconds.
+    pub fn console_cpu(&self) -> f64 {
+        let id = self.console.as_ref().unwrap().child.id();
+        let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap();
+        // After the program's name: utime and stime are fields 14 and 15 of all, in hundredths of a second.
+        let fields: Vec<_> = stat.rsplit_once(')').unwrap().1.split_whitespace().collect();
+        fields[11..13].iter().map(|ticks| ticks.parse::<f64>().unwrap() / 100.0).sum()
+    }
+}
+
+fn console(page: &str, udp: &str) -> (Program, String, String) {
+    let args = format!("console --prior prior.ply --keep kept --listen {page} --udp {udp}");
+    let (program, _) = Program::start(&args);
+    let line = program.says("console: ");
+    (program, behind(&line, " on ").to_owned(), behind(&line, "UDP ").to_owned())
+}
+
+/// The camera: the run forth and back, or silt, until the vehicle ends.
+fn film(mut vehicle: ChildStdin, silt: Arc<AtomicBool>) {
+    let (width, height) = SIZE;
+    let read = |k: usize| {
+        let path = folder().join(format!("T2/T2/{k:04}.png"));
+        let image = image::open(&path).unwrap();
+        image
+            .resize_exact(width, height, image::imageops::FilterType::Triangle)
+            .to_rgb8()
+            .into_raw()
+    };
+    let frames: Vec<Vec<u8>> = (1..=FRAMES).map(read).collect();
+    std::thread::spawn(move || {
+        let mut random = nvsprior::random::Random::new(5);
+        for k in 0.. {
+            let back = k % (2 * FRAMES - 2);
+            let frame = &frames[back.min(2 * FRAMES - 2 - back)];
+            let grain = |_| (120.0 + random.within(-4.0, 4.0)) as u8;
+            let sent = match silt.load(Ordering::Relaxed) {
+                true => vehicle.write_all(&(0..frame.len()).map(grain).collect::<Vec<_>>()),
+                false => vehicle.write_all(frame),
+            };
+            if sent.is_err() {
+                return;
+            }
+            std::thread::sleep(Duration::from_secs_f64(1.0 / FRAMES_PER_SECOND));
+        }
+    });
+}

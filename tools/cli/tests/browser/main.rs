@@ -1,0 +1,143 @@
+//! The console's page in headless Chromium, over a link with delay and losses: `make console-test`.
+//!
+//! Screenshots go to `target/console-test`, with RENEW=1 to `docs/console`.
+
+mod desk;
+mod page;
+
+use std::time::Duration;
+
+use desk::{Desk, Water};
+use page::Page;
+
+/// One dive, from the first picture on: one test, since a start of the three programs takes seconds.
+#[test]
+fn the_page_follows_a_dive() {
+    let mut desk = Desk::start();
+    let page = Page::open(&desk.page);
+    pictures_come_and_change(&page);
+    the_page_tells_how_fast_it_is(&page, &desk);
+    a_region_is_marked_by_dragging(&page, &mut desk);
+    keys_do_what_the_page_says(&page);
+    the_overlay_has_patterns(&page);
+    silt_makes_it_lost(&page, &desk);
+    silence_is_told_and_the_page_recovers(&page, &mut desk);
+    it_fits_a_tablet(&page);
+}
+
+fn pictures_come_and_change(page: &Page) {
+    page.until("pictures", "window.latencies.length > 8");
+    page.until("the vehicle's time", "state.picture.clock === 'reports'");
+    page.until("a path", "state.path && images.plan && images.chase");
+    let seen = page.number("checksum(byId('picture'))");
+    page.until("another picture", &format!("checksum(byId('picture')) !== {seen}"));
+    assert_eq!(page.text("pose-name"), "certain");
+    let age = page.number("parseFloat(byId('age').textContent)");
+    assert!((0.3..8.0).contains(&age), "{age} s");
+    // Ages go on between two states.
+    let shown = page.text("age");
+    page.until("its age", &format!("byId('age').textContent !== {shown:?}"));
+    page.save("certain");
+}
+
+fn the_page_tells_how_fast_it_is(page: &Page, desk: &Desk) {
+    let (before, cpu) = (page.number("window.latencies.length"), desk.console_cpu());
+    let start = std::time::Instant::now();
+    page.until("pictures", &format!("window.latencies.length > {before} + 30"));
+    let share = (desk.console_cpu() - cpu) / start.elapsed().as_secs_f64();
+    let at = |part: f64| {
+        let sorted = format!("window.latencies.slice({before}).sort((a, b) => a - b)");
+        page.number(&format!("((all) => all[Math.floor(all.length * {part})])({sorted})")) * 1e3
+    };
+    let (median, most) = (at(0.5), at(0.95));
+    println!(
+        "modem frame to page: median {median:.0} ms, 95 % {most:.0} ms; console: {:.0} % of a core at {} pictures/s",
+        share * 100.0,
+        page.text("pictures")
+    );
+    assert!(median < 2000.0, "{median} ms");
+}
+
+fn a_region_is_marked_by_dragging(page: &Page, desk: &mut Desk) {
+    page.drag([0.25, 0.25], [0.75, 0.5]);
+    page.until("the region", "state.region && Math.abs(state.region[0] - 0.25) < 0.02");
+    desk.vehicle_says("a region of interest");
+    page.until("its frame", "state.region[3] > 0.45 && state.region[3] < 0.55");
+    page.save("region");
+    page.key("ArrowRight");
+    page.until("its way right", "state.region && state.region[0] > 0.28");
+    page.key("Escape");
+    page.until("no region", "state.region === null");
+    desk.vehicle_says("no region");
+}
+
+fn keys_do_what_the_page_says(page: &Page) {
+    for (key, button) in [("o", "overlay-button"), ("p", "path-button")] {
+        let pressed = format!("byId('{button}').getAttribute('aria-pressed')");
+        for now in ["false", "true"] {
+            page.key(key);
+            page.until(button, &format!("{pressed} === '{now}'"));
+        }
+    }
+    page.key("s");
+    page.until("a snapshot", "byId('note').textContent.startsWith('snapshot: ')");
+    page.key("r");
+    page.until("a recording", "state.recorded > 0");
+    page.key("r");
+    page.until("its end", "state.recorded === null");
+}
+
+/// Each level is told by a pattern: in grey, too, no two look alike.
+fn the_overlay_has_patterns(page: &Page) {
+    let kinds = page.number(
+        "new Set(LEVELS.filter(Boolean).map((level) => {
+            const canvas = document.createElement('canvas');
+            [canvas.width, canvas.height] = [40, 40];
+            const ink = canvas.getContext('2d');
+            ink.fillStyle = pattern(ink, level);
+            ink.fillRect(0, 0, 40, 40);
+            const alpha = ink.getImageData(0, 0, 40, 40).data.filter((_, k) => k % 4 === 3);
+            return alpha.map((value) => value > 128).join();
+        })).size",
+    );
+    assert_eq!(kinds, 3.0);
+}
+
+fn silt_makes_it_lost(page: &Page, desk: &Desk) {
+    desk.water(Water::Silt);
+    page.until("the search", "state.pose === 'searching'");
+    page.until("lost", "state.pose === 'lost' && byId('pose-name').textContent === 'LOST'");
+    page.until("the banner", "!byId('banner').hidden");
+    page.save("lost");
+    desk.water(Water::Clear);
+    page.until("certain again", "state.pose === 'certain'");
+}
+
+fn silence_is_told_and_the_page_recovers(page: &Page, desk: &mut Desk) {
+    desk.stop_console();
+    page.until("the failure", "byId('banner').textContent.includes('does not answer')");
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(!page.is("byId('banner').hidden"));
+    assert_eq!(page.text("pose-name"), "was certain", "what was said long ago is not said of now");
+    page.save("silent");
+    let before = page.number("window.latencies.length");
+    desk.start_console();
+    page.until("the console", "isConnected && byId('banner').hidden");
+    page.until("pictures again", &format!("window.latencies.length > {before} + 3"));
+    assert_eq!(page.text("pose-name"), "certain");
+}
+
+fn it_fits_a_tablet(page: &Page) {
+    for (name, width, height) in [("tablet", 1024, 768), ("portrait", 768, 1024)] {
+        page.resize(width, height);
+        let wide = page.number("document.documentElement.scrollWidth");
+        assert!(wide <= f64::from(width), "{name}: {wide} pixels wide");
+        let smallest = page.number(
+            "Math.min(...[...document.querySelectorAll('button')].map((b) => b.getBoundingClientRect().height))",
+        );
+        assert!(smallest >= 44.0, "a button of {smallest} pixels is too small for a finger");
+        let before = page.number("window.latencies.length");
+        page.until("a picture", &format!("window.latencies.length > {before} + 1"));
+        page.save(name);
+    }
+}

@@ -1,0 +1,355 @@
+//! `nvsprior vehicle`, `channel` and `console`: two ends and the link between them.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::UdpSocket;
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+use crate::dive::{Dive, pictures};
+
+/// A program that runs until it is dropped.
+struct Running {
+    child: Child,
+    lines: BufReader<ChildStdout>,
+    input: Option<ChildStdin>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Running {
+    fn start(dive: &Dive, args: &str) -> Running {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
+            .args(args.split_whitespace())
+            .current_dir(dive.path(""))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap());
+        let input = child.stdin.take();
+        Running { child, lines, input }
+    }
+
+    /// The next line that has a text in it.
+    fn line_with(&mut self, text: &str) -> String {
+        loop {
+            let mut line = String::new();
+            assert!(
+                self.lines.read_line(&mut line).unwrap() > 0,
+                "it ended, and did not say {text:?}"
+            );
+            if line.contains(text) {
+                return line;
+            }
+        }
+    }
+}
+
+/// The part of a line behind a word, up to a space.
+fn behind<'a>(line: &'a str, word: &str) -> &'a str {
+    let rest = line.split_once(word).unwrap_or_else(|| panic!("no {word:?} in {line:?}")).1;
+    rest.split([' ', ',', '\n']).next().unwrap()
+}
+
+struct Console {
+    running: Running,
+    udp: String,
+    page: String,
+}
+
+impl Console {
+    fn start(dive: &Dive, source: &str) -> Console {
+        let args = format!("console --prior prior.ply --listen 127.0.0.1:0 --keep kept {source}");
+        let mut running = Running::start(dive, &args);
+        let line = running.line_with("console: ");
+        let page = behind(&line, " on ").trim_end_matches('/').to_owned();
+        let udp =
+            if line.contains("UDP ") { behind(&line, "UDP ").to_owned() } else { String::new() };
+        Console { running, udp, page }
+    }
+
+    fn get(&self, path: &str) -> Vec<u8> {
+        let mut response = ureq::get(format!("{}{path}", self.page)).call().unwrap();
+        response.body_mut().read_to_vec().unwrap()
+    }
+
+    fn state(&self) -> Value {
+        serde_json::from_slice(&self.get("/state")).unwrap()
+    }
+
+    fn post(&self, path: &str, body: &Value) -> u16 {
+        let request = ureq::post(format!("{}{path}", self.page));
+        let request = request.config().http_status_as_error(false).build();
+        request.send_json(body).unwrap().status().as_u16()
+    }
+
+    /// Waits for a state, for a minute.
+    fn until(&self, what: &str, is_there: impl Fn(&Value) -> bool) -> Value {
+        let start = Instant::now();
+        loop {
+            let state = self.state();
+            if is_there(&state) {
+                return state;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "{what} did not come: {state:#}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn until_picture(&self, number: u64) -> Value {
+        self.until("a picture", |state| state["picture"]["number"].as_u64() >= Some(number))
+    }
+}
+
+fn vehicle(dive: &Dive, to: &str, more: &str) -> Running {
+    let fixed = "vehicle --prior prior.ply --cameras cameras.json --split dive --bit-rate 20000";
+    Running::start(dive, &format!("{fixed} --frame-rate 5 --to {to} {more}"))
+}
+
+fn channel(dive: &Dive, args: &str) -> (Running, String) {
+    let mut running = Running::start(dive, &format!("channel --from 127.0.0.1:0 {args}"));
+    let line = running.line_with("channel: ");
+    let from = behind(&line, "from ").to_owned();
+    (running, from)
+}
+
+fn socket() -> (UdpSocket, String) {
+    let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+    socket.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+    let at = socket.local_addr().unwrap().to_string();
+    (socket, at)
+}
+
+/// What comes until nothing does for two seconds, and from where it came last.
+fn datagrams(socket: &UdpSocket) -> (Vec<Vec<u8>>, Option<std::net::SocketAddr>) {
+    let (mut found, mut peer, mut buffer) = (Vec::new(), None, [0; 2048]);
+    while let Ok((len, from)) = socket.recv_from(&mut buffer) {
+        found.push(buffer[..len].to_vec());
+        peer = Some(from);
+    }
+    (found, peer)
+}
+
+#[test]
+fn a_channel_loses_the_same_datagrams_with_the_same_seed_in_both_directions() {
+    let dive = Dive::without_frames();
+    let carried = |seed: u32| {
+        let (topside, at) = socket();
+        let args =
+            format!("--to {at} --bit-rate 1000000 --delay 0 --loss 0.3 --burst 3 --seed {seed}");
+        let (_channel, from) = channel(&dive, &args);
+        let (vehicle, _) = socket();
+        for k in 0..200_u8 {
+            vehicle.send_to(&[k; 9], &from).unwrap();
+        }
+        let (came, peer) = datagrams(&topside);
+        for k in 0..200_u8 {
+            topside.send_to(&[k; 9], peer.unwrap()).unwrap();
+        }
+        (came, datagrams(&vehicle).0)
+    };
+    let (one, back) = carried(7);
+    assert!((100..180).contains(&one.len()), "{} of 200", one.len());
+    assert!((100..180).contains(&back.len()), "{} of 200", back.len());
+    assert!(one.is_sorted() && one.iter().all(|datagram| datagram.len() == 9));
+    assert_ne!(one, back, "each direction has losses of its own");
+    assert_eq!(carried(7), (one.clone(), back));
+    assert_ne!(carried(8).0, one);
+}
+
+#[test]
+fn a_channel_takes_its_time() {
+    let dive = Dive::without_frames();
+    let (topside, at) = socket();
+    let (_channel, from) = channel(&dive, &format!("--to {at} --bit-rate 1600 --delay 0.5"));
+    let (vehicle, _) = socket();
+    let start = Instant::now();
+    for _ in 0..5 {
+        vehicle.send_to(&[1; 40], &from).unwrap();
+    }
+    let mut buffer = [0; 64];
+    for k in 1..=5 {
+        assert_eq!(topside.recv(&mut buffer).unwrap(), 40);
+        let least = 0.5 + 0.2 * f64::from(k);
+        assert!(start.elapsed().as_secs_f64() >= least, "datagram {k} came too early");
+    }
+}
+
+#[test]
+fn what_the_vehicle_sees_is_on_the_page() {
+    let dive = Dive::new();
+    let console = Console::start(&dive, "--udp 127.0.0.1:0");
+    assert_eq!(console.state()["pose"], "waiting");
+    let page = String::from_utf8(console.get("/")).unwrap();
+    assert!(page.contains("<title>nvsprior console</title>") && page.contains("EventSource"));
+    assert!(image::load_from_memory(&console.get("/plan.png")).is_ok());
+    let (_channel, from) =
+        channel(&dive, &format!("--to {} --bit-rate 20000 --loss 0.1", console.udp));
+    let mut vehicle = vehicle(&dive, &from, "--forth-and-back");
+    let state = console.until("the vehicle's time", |state| state["picture"]["clock"] == "reports");
+    // A frame waits for its turn, for the channel, and for this machine; but it is not of yesterday.
+    let age = state["picture"]["age"].as_f64().unwrap();
+    assert!((0.1..20.0).contains(&age), "{age} s");
+    let state = console.until("a residual", |state| state["picture"]["has_residual"] == true);
+    assert_eq!(state["pose"], "certain");
+    assert_eq!(state["link"]["garbage"], 0);
+    assert!(state["plan"]["vehicle"].is_array() && state["chase"]["number"].as_u64() > Some(0));
+    let shown = image::load_from_memory(&console.get("/picture.png")).unwrap().to_rgb8();
+    let shown =
+        nvsprior::Picture::from_rgb(shown.width(), shown.height(), shown.into_raw()).unwrap();
+    let best = pictures().iter().map(|frame| frame.psnr(&shown)).fold(0.0, f64::max);
+    assert!(best > 25.0, "{best} dB");
+
+    // Garbage changes a counter, and nothing else.
+    let (noise, _) = socket();
+    for k in 0..100_u8 {
+        noise.send_to(&vec![k.wrapping_mul(37); usize::from(k)], &console.udp).unwrap();
+    }
+    let state = console.until("garbage", |state| state["link"]["garbage"].as_u64() >= Some(90));
+    console.until_picture(state["picture"]["number"].as_u64().unwrap() + 3);
+
+    // The region goes to the vehicle, not to who sent garbage.
+    assert_eq!(console.post("/region", &json!({ "parts": [0.5, 0.25, 0.75, 0.5] })), 202);
+    vehicle.line_with("a region of interest");
+    let region = &console.state()["region"];
+    assert!((region[0].as_f64().unwrap() - 0.5).abs() < 0.003, "{region}");
+    for wrong in [json!({ "parts": [0.5, 0.5, 0.2, 0.9] }), json!({ "parts": [0, 0, 2, 2] })] {
+        assert_eq!(console.post("/region", &wrong), 400);
+    }
+    assert_eq!(console.post("/region", &json!({ "parts": null })), 202);
+    vehicle.line_with("no region");
+}
+
+#[test]
+fn a_dive_is_kept_and_played_again() {
+    let dive = Dive::new();
+    let console = Console::start(&dive, "--udp 127.0.0.1:0");
+    assert_eq!(console.post("/record", &json!({ "on": true })), 202);
+    let _vehicle = vehicle(&dive, &console.udp, "--forth-and-back");
+    console.until_picture(3);
+    assert_eq!(console.post("/snapshot", &json!({})), 202);
+    console.until("a recording", |state| state["recorded"].as_u64() >= Some(40));
+    assert_eq!(console.post("/record", &json!({ "on": false })), 202);
+    console.until("its end", |state| state["recorded"].is_null());
+    drop(console);
+    let kept = |ending: &str| {
+        let mut files: Vec<_> = std::fs::read_dir(dive.path("kept"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|own| own == ending))
+            .collect();
+        assert_eq!(files.len(), 1, "{files:?}");
+        files.remove(0)
+    };
+    let snapshot: Value = serde_json::from_slice(&std::fs::read(kept("json")).unwrap()).unwrap();
+    let [width, height] =
+        ["width", "height"].map(|side| snapshot["picture"][side].as_u64().unwrap());
+    let picture = image::open(kept("png")).unwrap();
+    assert_eq!([picture.width(), picture.height()].map(u64::from), [width, height]);
+    let recording = kept("nvsr");
+    let console = Console::start(&dive, &format!("--play {} --speed 50", recording.display()));
+    let state = console.until("the end", |state| state["ended"].is_string());
+    assert!(state["picture"]["number"].as_u64() > Some(0), "{state:#}");
+    assert_eq!(state["link"]["garbage"], 0, "{state:#}");
+    assert_eq!(console.get("/picture.png")[1..4], *b"PNG");
+}
+
+#[test]
+fn both_ends_may_begin_anew() {
+    let dive = Dive::new();
+    let console = Console::start(&dive, "--udp 127.0.0.1:0");
+    let udp = console.udp.clone();
+    let vehicle_before = vehicle(&dive, &udp, "--forth-and-back");
+    // From the second packet on they have the short form, which does not tell the camera.
+    console.until_picture(6);
+    drop(console);
+    let console = Console::start(&dive, &format!("--udp {udp}"));
+    console.until_picture(3);
+    drop(vehicle_before);
+    let before = console.until("silence", |state| state["link"]["silence"].as_f64() > Some(4.5));
+    let number = before["picture"]["number"].as_u64().unwrap();
+    let _vehicle = vehicle(&dive, &udp, "--forth-and-back");
+    let after = console.until_picture(number + 3);
+    assert!(after["picture"]["frame"].as_u64() < before["picture"]["frame"].as_u64(), "{after:#}");
+}
+
+#[test]
+fn modem_frames_come_on_standard_input() {
+    let dive = Dive::new();
+    dive.encode("--psnr 40 --limit 1");
+    dive.run("split packets/0.nvsp --out frames --mtu 64").ends_with(0);
+    let mut console = Console::start(&dive, "--stdin");
+    let mut input = console.running.input.take().unwrap();
+    let mut files: Vec<_> = std::fs::read_dir(dive.path("frames"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.sort();
+    for file in files {
+        let mut framed = cobs::encode_vec(&std::fs::read(file).unwrap());
+        framed.push(0);
+        input.write_all(&framed).unwrap();
+    }
+    drop(input);
+    let state = console.until("the end", |state| state["ended"].is_string());
+    let picture = &state["picture"];
+    assert_eq!((&picture["complete"], &picture["clock"]), (&json!(true), &Value::Null));
+    assert_eq!(state["link"]["reports"], Value::Null);
+}
+
+fn status(url: &str, host: Option<&str>) -> u16 {
+    let mut request = ureq::get(url);
+    if let Some(host) = host {
+        request = request.header("host", host);
+    }
+    request.config().http_status_as_error(false).build().call().unwrap().status().as_u16()
+}
+
+#[test]
+fn other_addresses_take_a_token() {
+    let dive = Dive::without_frames();
+    let args = "console --prior prior.ply --listen 0.0.0.0:0 --udp 127.0.0.1:0";
+    let mut console = Running::start(&dive, args);
+    let line = console.line_with("console: ");
+    let page = behind(&line, " on ").replace("0.0.0.0", "127.0.0.1");
+    let (root, token) = page.split_once("/?").unwrap();
+    assert_eq!(status(&page, None), 200);
+    assert_eq!(status(&format!("{root}/state?{token}"), Some("boat.example")), 200);
+    for path in ["/", "/state", "/picture.png", "/state?token=", "/state?token=0000", "/nothing"] {
+        assert_eq!(status(&format!("{root}{path}"), None), 403, "{path}");
+    }
+    let open = Console::start(&dive, "--udp 127.0.0.1:0");
+    let state = format!("{}/state", open.page);
+    assert_eq!(status(&state, None), 200);
+    assert_eq!(
+        status(&state, Some("rebound.example")),
+        403,
+        "another site's name for this machine"
+    );
+}
+
+#[test]
+fn wrong_arguments_are_told() {
+    let dive = Dive::without_frames();
+    let console = "console --prior prior.ply";
+    dive.run(console).ends_with(2).says("--udp");
+    dive.run(&format!("{console} --udp 5600 --stdin")).ends_with(2).says("cannot be used with");
+    dive.run(&format!("{console} --play prior.ply")).ends_with(1).says("no recording of a console");
+    dive.run(&format!("{console} --serial /dev/none")).ends_with(1).says("--serial /dev/none");
+    let (_taken, at) = socket();
+    dive.run(&format!("{console} --udp {at}")).ends_with(1).says("another program may have it");
+    dive.run("channel --from 0 --to 127.0.0.1:9 --loss 1").ends_with(2).says("--loss");
+    dive.run("channel --from 0 --to nowhere").ends_with(2).says("ADDRESS:PORT");
+    let vehicle = "vehicle --prior prior.ply --cameras cameras.json --to 127.0.0.1:9";
+    dive.run(&format!("{vehicle} --raw 0x9")).ends_with(2).says("must be WxH");
+    dive.run(&format!("{vehicle} --latency 0.1")).ends_with(2).says("latency");
+    assert!(!Path::new("console-out").exists());
+}

@@ -1,0 +1,75 @@
+//! `nvsprior console`: the topside as one program, and the pilot's screen.
+
+mod chase_view;
+mod clock;
+mod input;
+mod keeper;
+mod link_log;
+mod overlay;
+mod pictures;
+mod plan_view;
+mod projection;
+mod recording;
+mod scene_views;
+mod server;
+mod state;
+mod token;
+mod topside;
+mod track;
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::mpsc::sync_channel;
+
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
+
+use crate::endpoint;
+use input::{EVENTS, SourceArgs};
+use keeper::Keeper;
+use server::Server;
+use topside::{Topside, TopsideOptions};
+
+/// Show the pilot what comes: the topside's half of a working link
+///
+/// Takes modem frames, puts packets together, decodes them, reports to the vehicle, and serves a page: the picture with
+/// its age, what may be believed of it, the vehicle on a map of the prior, the view from behind it, and the link. It
+/// runs until it is stopped. The keys are on the page.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    source: SourceArgs,
+    /// Where the page is. At any other than a loopback address it takes the token that is printed with it
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080", value_parser = endpoint::remote)]
+    listen: SocketAddr,
+    /// Folder for snapshots and recordings; made with the first one
+    #[arg(long, value_name = "DIR", default_value = "console-out")]
+    keep: PathBuf,
+    /// Most bytes of a modem frame, as the vehicle has it
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..))]
+    mtu: u16,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let (events, came) = sync_channel(EVENTS);
+    // Ports and files are looked at before the device is opened: that takes seconds.
+    let source = args.source.open(args.mtu.into())?;
+    let server = Server::bind(args.listen)?;
+    let prior = args.prior.open()?;
+    let engine = args.device.open()?;
+    let options = TopsideOptions {
+        mtu: args.mtu.into(),
+        source: source.name(),
+        clock: source.clock(),
+        return_path: source.return_path()?,
+        keeper: Keeper::new(args.keep.clone()),
+    };
+    let (topside, published) = Topside::new(&engine, &prior, options)?;
+    source.start(events.clone())?;
+    let page = server.start(topside.plan_picture(), published, events)?;
+    println!("console: {} on {}", topside.source(), page);
+    topside.run(&came)
+}

@@ -1,0 +1,113 @@
+//! Snapshots and recordings on disk.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+use std::time::{Duration, UNIX_EPOCH};
+
+use super::recording;
+
+/// Writes to a folder, which is made with the first file.
+pub struct Keeper {
+    folder: PathBuf,
+    recording: Option<Recording>,
+}
+
+struct Recording {
+    path: PathBuf,
+    file: BufWriter<File>,
+    frames: u64,
+}
+
+impl Keeper {
+    pub fn new(folder: PathBuf) -> Keeper {
+        Keeper { folder, recording: None }
+    }
+
+    /// A file that is not there yet, named by the time.
+    fn file(&self, now: f64, ending: &str) -> std::io::Result<PathBuf> {
+        std::fs::create_dir_all(&self.folder)?;
+        let time = UNIX_EPOCH + Duration::try_from_secs_f64(now).unwrap_or_default();
+        let name = humantime::format_rfc3339_millis(time).to_string().replace(':', "-");
+        Ok(self.folder.join(format!("{name}.{ending}")))
+    }
+
+    /// Keeps a picture, and what was known of it. Returns the picture's file.
+    pub fn snapshot(&self, now: f64, png: &[u8], state: &str) -> std::io::Result<PathBuf> {
+        let path = self.file(now, "png")?;
+        std::fs::write(&path, png)?;
+        std::fs::write(path.with_extension("json"), state)?;
+        Ok(path)
+    }
+
+    /// Begins a recording, or ends it. Returns its file.
+    pub fn record(&mut self, now: f64, on: bool) -> std::io::Result<Option<PathBuf>> {
+        match (self.recording.take(), on) {
+            (Some(running), true) => self.recording = Some(running),
+            (Some(mut ended), false) => {
+                ended.file.flush()?;
+                return Ok(Some(ended.path));
+            }
+            (None, false) => {}
+            (None, true) => {
+                let path = self.file(now, "nvsr")?;
+                let mut file = BufWriter::new(File::create_new(&path)?);
+                recording::write_head(&mut file)?;
+                self.recording = Some(Recording { path, file, frames: 0 });
+            }
+        }
+        Ok(self.recording.as_ref().map(|recording| recording.path.clone()))
+    }
+
+    /// Records a modem frame, if a recording runs. It ends with a failure.
+    pub fn keep(&mut self, time: f64, bytes: &[u8]) -> std::io::Result<()> {
+        let Some(running) = &mut self.recording else { return Ok(()) };
+        let kept = recording::write_frame(&mut running.file, time, bytes);
+        running.frames += 1;
+        self.end_if_failed(kept)
+    }
+
+    /// Has what was recorded on disk.
+    pub fn flush(&mut self) -> std::io::Result<()> {
+        let Some(running) = &mut self.recording else { return Ok(()) };
+        let flushed = running.file.flush();
+        self.end_if_failed(flushed)
+    }
+
+    fn end_if_failed(&mut self, result: std::io::Result<()>) -> std::io::Result<()> {
+        if result.is_err() {
+            self.recording = None;
+        }
+        result
+    }
+
+    /// Modem frames of the recording; `None`: none runs.
+    pub fn recorded(&self) -> Option<u64> {
+        self.recording.as_ref().map(|recording| recording.frames)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::console::recording::Player;
+
+    #[test]
+    fn what_is_recorded_can_be_played() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut keeper = Keeper::new(folder.path().join("kept"));
+        keeper.keep(1.0, b"before").unwrap();
+        let path = keeper.record(1e9, true).unwrap().unwrap();
+        assert_eq!(keeper.record(2e9, true).unwrap().as_ref(), Some(&path), "it goes on");
+        keeper.keep(1e9, b"one").unwrap();
+        keeper.flush().unwrap();
+        keeper.keep(1e9 + 1.0, b"two").unwrap();
+        assert_eq!(keeper.recorded(), Some(2));
+        assert_eq!(keeper.record(0.0, false).unwrap().as_ref(), Some(&path));
+        assert_eq!((keeper.recorded(), keeper.record(0.0, false).unwrap()), (None, None));
+        let player = Player::open(File::open(&path).unwrap(), &path).unwrap();
+        let frames: Vec<_> = player.frames().map(|frame| frame.bytes).collect();
+        assert_eq!(frames, [b"one", b"two"]);
+        assert_eq!(path.file_name().unwrap(), "2001-09-09T01-46-40.000Z.nvsr");
+    }
+}

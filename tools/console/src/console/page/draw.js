@@ -1,0 +1,173 @@
+"use strict";
+// Drawing on canvases. All sizes are CSS pixels.
+
+const GOOD = "#56b4e9", DOUBT = "#e69f00", BAD = "#ff6a3d", TEXT = "#e8ecef", FAINT = "#98a4ae";
+
+// The canvas's context, with as many pixels as the screen shows, and its size.
+function begin(canvas) {
+  const scale = window.devicePixelRatio || 1;
+  const box = canvas.getBoundingClientRect();
+  const [width, height] = [Math.round(box.width * scale), Math.round(box.height * scale)];
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  const context = canvas.getContext("2d");
+  context.setTransform(scale, 0, 0, scale, 0, 0);
+  context.clearRect(0, 0, box.width, box.height);
+  return { context, width: box.width, height: box.height };
+}
+
+// Where a picture lies that fills as much of a place as its shape allows.
+function fit(place, width, height) {
+  const scale = Math.min(place.width / width, place.height / height);
+  return { scale, x: (place.width - width * scale) / 2, y: (place.height - height * scale) / 2, width, height };
+}
+
+function drawImage(place, box, image) {
+  place.context.imageSmoothingQuality = "high";
+  place.context.drawImage(image, box.x, box.y, box.width * box.scale, box.height * box.scale);
+}
+
+// A line through pixels of a picture; on a dark edge, so that it is seen on any ground.
+function line(place, box, points, colour, width, dash = []) {
+  if (points.length < 2) return;
+  const { context } = place;
+  context.beginPath();
+  points.forEach(([x, y], k) => context[k ? "lineTo" : "moveTo"](box.x + x * box.scale, box.y + y * box.scale));
+  context.lineJoin = "round";
+  context.setLineDash([]);
+  context.strokeStyle = "#000a";
+  context.lineWidth = width + 2.5;
+  context.stroke();
+  context.setLineDash(dash);
+  context.strokeStyle = colour;
+  context.lineWidth = width;
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function words(place, x, y, text, colour) {
+  const { context } = place;
+  context.font = "600 14px system-ui, 'DejaVu Sans', sans-serif";
+  context.lineWidth = 3;
+  context.strokeStyle = "#000c";
+  context.strokeText(text, x, y);
+  context.fillStyle = colour;
+  context.fillText(text, x, y);
+}
+
+// Where the vehicle goes: rails, a sleeper for each second, and one for where it is by now.
+function drawPath(place, box, path) {
+  path.rails.forEach((rail) => line(place, box, rail, TEXT, 2, [2, 5]));
+  path.sleepers.forEach(({ seconds, line: ends }) => {
+    line(place, box, ends, TEXT, 1.5);
+    words(place, box.x + ends[1][0] * box.scale + 6, box.y + ends[1][1] * box.scale + 4, `+${seconds} s`, TEXT);
+  });
+  if (!path.now) return;
+  line(place, box, path.now, GOOD, 4);
+  const [x, y] = path.now[0];
+  words(place, box.x + x * box.scale - 40, box.y + y * box.scale + 5, "now", GOOD);
+}
+
+// Levels of the overlay: name, colour, pattern. Each has a pattern of its own, for those who do not see colours.
+const LEVELS = [
+  null,
+  { name: "differs", colour: GOOD, pattern: "dots" },
+  { name: "wrong", colour: DOUBT, pattern: "stripes" },
+  { name: "not seen", colour: FAINT, pattern: "cross" },
+];
+
+const patterns = new Map();
+
+function pattern(context, { colour, pattern: kind }) {
+  if (patterns.has(kind)) return patterns.get(kind);
+  const tile = document.createElement("canvas");
+  tile.width = tile.height = 10;
+  const ink = tile.getContext("2d");
+  ink.fillStyle = colour + "38";
+  ink.fillRect(0, 0, 10, 10);
+  ink.fillStyle = ink.strokeStyle = colour;
+  ink.lineWidth = 2;
+  if (kind === "dots") ink.fillRect(4, 4, 2.5, 2.5);
+  const strokes = { stripes: [[-2, 12, 12, -2]], cross: [[-2, 12, 12, -2], [-2, -2, 12, 12]] }[kind] || [];
+  for (const [fromX, fromY, toX, toY] of strokes) {
+    ink.beginPath();
+    ink.moveTo(fromX, fromY);
+    ink.lineTo(toX, toY);
+    ink.stroke();
+  }
+  patterns.set(kind, context.createPattern(tile, "repeat"));
+  return patterns.get(kind);
+}
+
+// What may not be believed of the picture, block by block.
+function drawOverlay(place, box, overlay) {
+  const rows = overlay.levels.length / overlay.columns;
+  // Blocks are 16 pixels wide; the last ones of a row or column may reach beyond the picture.
+  const side = 16 * box.scale;
+  place.context.save();
+  place.context.beginPath();
+  place.context.rect(box.x, box.y, box.width * box.scale, box.height * box.scale);
+  place.context.clip();
+  for (let row = 0; row < rows; row++) {
+    for (let column = 0; column < overlay.columns; column++) {
+      const level = LEVELS[overlay.levels[row * overlay.columns + column]];
+      if (!level) continue;
+      place.context.fillStyle = pattern(place.context, level);
+      place.context.fillRect(box.x + column * side, box.y + row * side, side, side);
+    }
+  }
+  place.context.restore();
+}
+
+function drawPlan(canvas, image, plan) {
+  const place = begin(canvas);
+  if (!image) return;
+  const box = fit(place, image.width, image.height);
+  drawImage(place, box, image);
+  line(place, box, plan.track, TEXT, 2);
+  line(place, box, plan.predicted, GOOD, 2, [3, 4]);
+  if (!plan.vehicle) return;
+  const { context } = place;
+  const at = ([x, y]) => [box.x + x * box.scale, box.y + y * box.scale];
+  if (plan.cone.length === 2) {
+    context.beginPath();
+    context.moveTo(...at(plan.vehicle));
+    plan.cone.forEach((corner) => context.lineTo(...at(corner)));
+    context.closePath();
+    context.fillStyle = "#ffffff30";
+    context.fill();
+    line(place, box, [plan.cone[0], plan.vehicle, plan.cone[1]], TEXT, 1.5);
+  }
+  context.beginPath();
+  context.arc(...at(plan.vehicle), 6, 0, 7);
+  context.fillStyle = GOOD;
+  context.fill();
+  context.strokeStyle = "#000";
+  context.lineWidth = 1.5;
+  context.stroke();
+}
+
+function drawChase(canvas, image, chase) {
+  const place = begin(canvas);
+  if (!image) return;
+  const box = fit(place, image.width, image.height);
+  drawImage(place, box, image);
+  chase.track.forEach((points) => line(place, box, points, TEXT, 1.5));
+  chase.predicted.forEach((points) => line(place, box, points, GOOD, 2, [3, 4]));
+  chase.vehicle.forEach((points) => line(place, box, points, DOUBT, 2));
+}
+
+// Bars, oldest left; `null`: nothing is known of that second.
+function drawBars(canvas, values, most, colour, slots) {
+  const place = begin(canvas);
+  const { context, width, height } = place;
+  context.fillStyle = "#ffffff12";
+  context.fillRect(0, 0, width, height);
+  const step = width / slots;
+  values.forEach((value, k) => {
+    if (value === null) return;
+    const x = width - (values.length - k) * step;
+    const tall = Math.max(value > 0 ? 2 : 0, (value / (most || 1)) * height);
+    context.fillStyle = colour;
+    context.fillRect(x, height - tall, Math.max(step - 1, 1), tall);
+  });
+}

@@ -1,0 +1,242 @@
+"use strict";
+// The state that the console tells, on the screen.
+
+const OLD = 4, VERY_OLD = 10; // Seconds from which on the age of the picture is marked.
+const SLOTS = 120; // Seconds of the plots.
+const SIGNS = { waiting: "○", certain: "●", searching: "◐", lost: "✕" };
+const NAMES = { waiting: "no picture yet", certain: "certain", searching: "searching", lost: "LOST" };
+const LABELS = {
+  waiting: "waiting for the vehicle",
+  certain: "the vehicle knows where it is",
+  searching: "the vehicle looks for its pose",
+  lost: "the place shown may be wrong",
+};
+
+const byId = (id) => document.getElementById(id);
+const address = (path) => path + location.search;
+
+let state = null; // As the console told it last.
+let told = 0; // When that was, milliseconds of this page's clock.
+let isConnected = false;
+let box = null; // Where the picture lies on the stage.
+const shows = { overlay: true, path: true };
+const images = { picture: null, chase: null, plan: null };
+const loaded = { picture: null, chase: null };
+const loading = {};
+// Seconds from a modem frame's arrival to its picture on this page, the newest last; for tests.
+window.latencies = [];
+
+// How many seconds the console's clock went on since it told its state.
+const since = () => ((performance.now() - told) / 1000) * state.speed;
+
+async function fetchImage(path) {
+  const response = await fetch(address(path), { cache: "no-store" });
+  if (!response.ok) throw new Error(`${path}: ${response.status}`);
+  return createImageBitmap(await response.blob());
+}
+
+// Has an image that the state tells of, unless it is on its way already.
+async function load(name, number, path, then) {
+  if (number === loaded[name] || loading[name]) return;
+  loading[name] = true;
+  const { arrived } = state.picture || {};
+  try {
+    const image = await fetchImage(path);
+    if (images[name]) images[name].close();
+    [images[name], loaded[name]] = [image, number];
+    then(arrived);
+  } catch (error) {
+    console.warn(error.message);
+  }
+  loading[name] = false;
+}
+
+function loadAll() {
+  if (state.picture) {
+    load("picture", state.picture.number, "/picture.png", (arrived) => {
+      drawPicture();
+      window.latencies.push(Date.now() / 1000 - arrived);
+      if (window.latencies.length > 1000) window.latencies.shift();
+    });
+  }
+  if (state.chase.number) load("chase", state.chase.number, "/chase.png", () => drawViews());
+  load("plan", 1, "/plan.png", () => drawViews());
+}
+
+function drawPicture() {
+  const place = begin(byId("picture"));
+  const image = images.picture;
+  box = image && fit(place, image.width, image.height);
+  if (image) drawImage(place, box, image);
+  drawMarks();
+}
+
+function drawMarks() {
+  const place = begin(byId("marks"));
+  const overlay = shows.overlay && state && state.overlay;
+  byId("legend").hidden = !overlay;
+  if (!box || !state) return;
+  if (overlay) drawOverlay(place, box, overlay);
+  if (shows.path && state.path) drawPath(place, box, state.path);
+  const region = marker.drawn || state.region;
+  if (!region) return;
+  const [left, top, right, bottom] = region.map((part, k) => part * (k % 2 ? box.height : box.width));
+  const corners = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
+  line(place, box, corners, TEXT, 2, marker.drawn ? [6, 4] : []);
+  if (!marker.drawn) words(place, box.x + left * box.scale + 6, box.y + top * box.scale + 18, "region", TEXT);
+}
+
+function drawViews() {
+  if (!state) return;
+  drawPlan(byId("plan"), images.plan, state.plan);
+  drawChase(byId("chase"), images.chase, state.chase);
+}
+
+function drawPlots() {
+  const bytes = state.link.seconds.map(([count]) => count);
+  const losses = state.link.seconds.map(([, loss]) => loss);
+  const most = Math.max(...bytes, 1);
+  const worst = Math.max(...losses, 0.1);
+  byId("bytes-most").textContent = `up to ${most}`;
+  byId("loss-most").textContent = `up to ${Math.round(worst * 100)} %`;
+  drawBars(byId("bytes-plot"), bytes, most, GOOD, SLOTS);
+  drawBars(byId("loss-plot"), losses, worst, DOUBT, SLOTS);
+}
+
+// What the vehicle said of its pose. Of long ago, it says nothing of now.
+function showPose(isOld) {
+  const pose = state.pose;
+  byId("pose").dataset.pose = isOld && pose !== "lost" ? "old" : pose;
+  byId("pose-sign").textContent = isOld ? "?" : SIGNS[pose];
+  byId("pose-name").textContent = isOld && pose !== "waiting" ? `was ${NAMES[pose]}` : NAMES[pose];
+  byId("pose-label").textContent = isOld ? "nothing new is known" : LABELS[pose];
+}
+
+const seconds = (value) => (value < 99.95 ? `${value.toFixed(1)} s` : `${Math.round(value)} s`);
+
+// What goes on between two states: ages.
+function tick() {
+  if (!state) return;
+  const picture = state.picture;
+  const age = picture && picture.age + since();
+  byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
+  const level = !picture || age < OLD ? 0 : age < VERY_OLD ? 1 : 2;
+  byId("age-box").dataset.level = level;
+  showPose(level === 2 || !isConnected);
+  byId("stage").classList.toggle("old", level === 2 || !isConnected);
+  byId("silence").textContent = state.link.silence === null ? "–" : seconds(state.link.silence + since());
+  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.ended;
+  if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
+  else if (state.ended) byId("banner").textContent = `Nothing more comes: ${state.ended}`;
+  else if (level === 2) byId("banner").textContent = `This picture is ${seconds(age)} old`;
+  else byId("banner").textContent = `Lost for ${seconds(state.uncertain_for + since())}: the place shown may be wrong`;
+}
+
+function showState() {
+  const { link, picture } = state;
+  const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
+  byId("age-label").textContent = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
+  byId("rate").textContent = Math.round(link.bit_rate);
+  byId("loss").textContent = link.loss === null ? "–" : `${Math.round(link.loss * 100)} %`;
+  byId("pictures").textContent = link.pictures_per_second.toFixed(1);
+  byId("about").textContent = picture
+    ? `frame ${picture.frame} · ${picture.shares[0]} of ${picture.shares[1] ?? "?"} modem frames · ${picture.bytes} bytes` +
+      (picture.has_residual ? "" : " · the prior alone, nothing seen by the camera")
+    : "";
+  byId("link-line").textContent =
+    `${state.source} · ${link.bytes} bytes in ${link.frames} frames, ${link.garbage} of no use · ` +
+    `${link.updates} updates` + (link.reports === null ? " · no return channel" : ` · ${link.reports} reports sent`);
+  byId("warnings").replaceChildren(...state.warnings.map((text) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    return item;
+  }));
+  if (state.note) byId("note").textContent = state.note;
+  const record = byId("record-button");
+  record.setAttribute("aria-pressed", state.recorded !== null);
+  record.lastChild.textContent = state.recorded === null ? "ecord" : `ec ${state.recorded}`;
+}
+
+function connect() {
+  const events = new EventSource(address("/events"));
+  events.onmessage = (event) => {
+    const next = JSON.parse(event.data);
+    if (!next.link) return;
+    [state, told, isConnected] = [next, performance.now(), true];
+    showState();
+    tick();
+    drawMarks();
+    drawViews();
+    drawPlots();
+    loadAll();
+  };
+  events.onerror = () => {
+    isConnected = false;
+    tick();
+    // The browser tries again by itself, unless the answer was a refusal.
+    if (events.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
+  };
+}
+
+async function send(path, body) {
+  const headers = { "content-type": "application/json" };
+  try {
+    const response = await fetch(address(path), { method: "POST", headers, body: JSON.stringify(body) });
+    if (!response.ok) byId("note").textContent = await response.text();
+  } catch {
+    byId("note").textContent = "The console does not answer: nothing was done.";
+  }
+}
+
+function partsAt(event) {
+  const place = byId("marks").getBoundingClientRect();
+  const part = (at, from, length) => Math.min(1, Math.max(0, (at - from) / length));
+  if (!box) return [0, 0];
+  return [
+    part(event.clientX - place.left, box.x, box.width * box.scale),
+    part(event.clientY - place.top, box.y, box.height * box.scale),
+  ];
+}
+
+const marker = new RegionMarker(byId("stage"), partsAt, (parts) => send("/region", { parts }));
+byId("stage").addEventListener("pointermove", () => marker.start && drawMarks());
+
+function toggle(name) {
+  shows[name] = !shows[name];
+  byId(`${name}-button`).setAttribute("aria-pressed", shows[name]);
+  drawMarks();
+}
+
+const commands = {
+  o: () => toggle("overlay"),
+  p: () => toggle("path"),
+  s: () => send("/snapshot", {}),
+  r: () => state && send("/record", { on: state.recorded === null }),
+};
+byId("overlay-button").onclick = commands.o;
+byId("path-button").onclick = commands.p;
+byId("snapshot-button").onclick = commands.s;
+byId("record-button").onclick = commands.r;
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  const command = commands[event.key.toLowerCase()];
+  if (command) command();
+  if (command || (state && marker.key(event, state.region))) event.preventDefault();
+});
+
+function drawLegend() {
+  byId("legend").replaceChildren(...LEVELS.filter(Boolean).map((level) => {
+    const item = document.createElement("span"), swatch = document.createElement("canvas");
+    [swatch.width, swatch.height] = [28, 18];
+    const context = swatch.getContext("2d");
+    context.fillStyle = pattern(context, level);
+    context.fillRect(0, 0, 28, 18);
+    item.append(swatch, level.name);
+    return item;
+  }));
+}
+
+window.addEventListener("resize", () => { drawPicture(); drawViews(); if (state) drawPlots(); });
+setInterval(tick, 100);
+drawLegend();
+connect();

@@ -1,0 +1,132 @@
+//! What the page is told, as JSON. Times are seconds, places are pixels of the picture that they are drawn into.
+
+use nvsprior_link::exposure::ClockSource;
+use serde::Serialize;
+
+use super::overlay::Overlay;
+use super::projection::Pixel;
+
+#[derive(Debug, Serialize)]
+pub struct State {
+    /// The topside's UTC.
+    pub now: f64,
+    /// How fast it goes: a recording may be played faster.
+    pub speed: f64,
+    pub source: String,
+    /// Why nothing more comes.
+    pub ended: Option<String>,
+    pub picture: Option<PictureState>,
+    pub pose: PoseState,
+    /// For how long the vehicle has not been certain.
+    pub uncertain_for: f64,
+    pub link: LinkState,
+    pub plan: PlanState,
+    pub chase: ChaseState,
+    /// `None`: nothing is known of where the vehicle goes.
+    pub path: Option<PathState>,
+    /// Left, top, right and bottom as parts of the picture.
+    pub region: Option<[f64; 4]>,
+    /// Modem frames of the recording that runs.
+    pub recorded: Option<u64>,
+    /// What the last command came to.
+    pub note: Option<String>,
+    pub warnings: Vec<String>,
+    pub overlay: Option<Overlay>,
+}
+
+/// What the vehicle says of its pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PoseState {
+    /// No picture has come.
+    Waiting,
+    Certain,
+    /// Not certain for a short time.
+    Searching,
+    Lost,
+}
+
+#[derive(Debug, Serialize)]
+pub struct PictureState {
+    /// Counts pictures: a new one has another number.
+    pub number: u64,
+    pub frame: u32,
+    pub width: u32,
+    pub height: u32,
+    /// How old it is.
+    pub age: f64,
+    /// By whose clock; `None`: since its packet came, so it is older than that.
+    pub clock: Option<&'static str>,
+    /// When the modem frame came that it was drawn after, UTC.
+    pub arrived: f64,
+    /// Modem frames of its packet that came, and that were sent.
+    pub shares: [Option<usize>; 2],
+    /// Of its packet; the bytes that came.
+    pub bytes: usize,
+    pub complete: bool,
+    /// A difference was added: it is not the render alone.
+    pub has_residual: bool,
+}
+
+/// The name of a clock.
+pub fn clock_name(source: ClockSource) -> &'static str {
+    match source {
+        ClockSource::Reports => "reports",
+        ClockSource::Vehicle => "vehicle",
+    }
+}
+
+#[derive(Debug, Serialize)]
+pub struct LinkState {
+    /// Since the last valid modem frame came.
+    pub silence: Option<f64>,
+    /// Bits per second, over the last seconds.
+    pub bit_rate: f64,
+    pub pictures_per_second: f64,
+    /// Part of the modem frames that was lost of late.
+    pub loss: Option<f64>,
+    pub bytes: u64,
+    pub frames: u64,
+    /// Modem frames that were none, or of no use.
+    pub garbage: u64,
+    pub packets: u64,
+    pub updates: u64,
+    /// Reports that were sent; `None`: there is no return channel.
+    pub reports: Option<u64>,
+    /// By second, oldest first: bytes, and the part that was lost.
+    pub seconds: Vec<(usize, Option<f64>)>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub struct PlanState {
+    pub vehicle: Option<Pixel>,
+    /// What the camera sees, as a triangle's far corners.
+    pub cone: Vec<Pixel>,
+    pub track: Vec<Pixel>,
+    pub predicted: Vec<Pixel>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub struct ChaseState {
+    /// Counts its pictures.
+    pub number: u64,
+    pub vehicle: Vec<Vec<Pixel>>,
+    pub track: Vec<Vec<Pixel>>,
+    pub predicted: Vec<Vec<Pixel>>,
+}
+
+/// Where the vehicle goes, in the picture: two rails below the camera, with sleepers at whole seconds.
+#[derive(Debug, Default, Serialize)]
+pub struct PathState {
+    pub rails: Vec<Vec<Pixel>>,
+    pub sleepers: Vec<Sleeper>,
+    /// Where the vehicle is by now, as old as the picture is.
+    pub now: Option<[Pixel; 2]>,
+}
+
+#[derive(Debug, Serialize)]
+pub struct Sleeper {
+    /// After the picture, seconds.
+    pub seconds: f64,
+    pub line: [Pixel; 2],
+}

@@ -1,0 +1,363 @@
+//! The topside: modem frames to pictures, reports to the vehicle, and what the page is told.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use nvsprior::{Engine, Picture, Prior};
+use nvsprior_link::exposure;
+use nvsprior_link::pilot::{PilotMessage, Region};
+use tokio::sync::watch;
+
+use super::clock::Clock;
+use super::input::{Arrived, Command, Event, ReturnPath};
+use super::keeper::Keeper;
+use super::link_log::LinkLog;
+use super::overlay::overlay;
+use super::pictures::{Pictures, Shown, Worth};
+use super::scene_views::SceneViews;
+use super::state::{LinkState, PictureState, PoseState, State, clock_name};
+
+pub struct TopsideOptions {
+    pub mtu: usize,
+    pub source: String,
+    pub clock: Clock,
+    pub return_path: ReturnPath,
+    pub keeper: Keeper,
+}
+
+/// What the page gets.
+#[derive(Clone)]
+pub struct Published {
+    /// [`State`] as JSON.
+    pub state: Arc<str>,
+    /// PNG; none before the first picture.
+    pub picture: Arc<[u8]>,
+    pub chase: Arc<[u8]>,
+}
+
+impl Published {
+    fn none() -> Published {
+        Published { state: "{}".into(), picture: Arc::new([]), chase: Arc::new([]) }
+    }
+}
+
+/// Seconds between two reports.
+const REPORT_EVERY: f64 = 1.0;
+/// Seconds of silence after which no reports are sent any more.
+const PATIENCE: f64 = 60.0;
+/// Seconds of not being certain after which the vehicle is called lost.
+const SEARCHING: f64 = 3.0;
+/// The page is told at least so often.
+const TICK: Duration = Duration::from_millis(250);
+/// Events that are dealt with before the page is told.
+const AT_ONCE: usize = 256;
+
+/// All of the console's state.
+pub struct Topside {
+    options: TopsideOptions,
+    pictures: Pictures,
+    views: SceneViews,
+    log: LinkLog,
+    /// Who sent the last modem frame that checks vouch for, and when it came.
+    peer: Option<SocketAddr>,
+    last_proven: Option<f64>,
+    ended: Option<String>,
+    counts: Counts,
+    uncertain_since: Option<f64>,
+    region: Option<Region>,
+    reported: f64,
+    note: Option<String>,
+    portable: bool,
+    publisher: watch::Sender<Published>,
+    published: Published,
+}
+
+#[derive(Default)]
+struct Counts {
+    bytes: u64,
+    frames: u64,
+    garbage: u64,
+    reports: u64,
+}
+
+impl Topside {
+    pub fn new(
+        engine: &Engine,
+        prior: &Prior,
+        options: TopsideOptions,
+    ) -> anyhow::Result<(Topside, watch::Receiver<Published>)> {
+        let scene = engine.upload_for_updates(prior).context("uploading the prior")?;
+        let views = SceneViews::new(engine, prior, &scene)?;
+        let (publisher, receiver) = watch::channel(Published::none());
+        let mut topside = Topside {
+            pictures: Pictures::new(engine, &scene, options.mtu)?,
+            views,
+            log: LinkLog::default(),
+            peer: None,
+            last_proven: None,
+            ended: None,
+            counts: Counts::default(),
+            uncertain_since: None,
+            region: None,
+            reported: f64::MIN,
+            note: None,
+            portable: engine.device().portable,
+            publisher,
+            published: Published::none(),
+            options,
+        };
+        topside.publish()?;
+        Ok((topside, receiver))
+    }
+
+    pub fn source(&self) -> &str {
+        &self.options.source
+    }
+
+    /// The plan view, as PNG.
+    pub fn plan_picture(&self) -> Arc<[u8]> {
+        self.views.plan_picture()
+    }
+
+    /// Works until it fails.
+    pub fn run(mut self, events: &Receiver<Event>) -> anyhow::Result<()> {
+        loop {
+            let deadline = Instant::now() + TICK;
+            match events.recv_timeout(TICK) {
+                Ok(event) => self.take(event),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => anyhow::bail!("input and page have ended"),
+            }
+            for event in events.try_iter().take(AT_ONCE) {
+                self.take(event);
+            }
+            let is_new = self.pictures.decode()?;
+            if is_new {
+                self.show()?;
+            }
+            self.report();
+            if is_new || Instant::now() >= deadline || self.note.is_some() {
+                self.publish()?;
+            }
+        }
+    }
+
+    fn now(&self) -> f64 {
+        self.options.clock.now()
+    }
+
+    fn take(&mut self, event: Event) {
+        match event {
+            Event::Arrived(arrived) => self.take_frame(&arrived),
+            Event::Ended(why) => self.ended = Some(why),
+            Event::Command(command) => {
+                let note = self.obey(command);
+                self.note = Some(note.unwrap_or_else(|error| format!("failed: {error}")));
+            }
+        }
+    }
+
+    fn take_frame(&mut self, arrived: &Arrived) {
+        let Arrived { time, bytes, from } = arrived;
+        let worth = self.pictures.take(*time, bytes);
+        self.counts.bytes += bytes.len() as u64;
+        self.counts.frames += 1;
+        self.log.came(*time, bytes.len());
+        if let Err(error) = self.options.keeper.keep(*time, bytes) {
+            self.note = Some(format!("the recording has ended: {error}"));
+        }
+        match worth {
+            Worth::Garbage => self.counts.garbage += 1,
+            Worth::Unproven => {}
+            Worth::Proven => (self.peer, self.last_proven) = (*from, Some(*time)),
+        }
+    }
+
+    /// Does what the pilot wants; tells what it came to.
+    fn obey(&mut self, command: Command) -> std::io::Result<String> {
+        let now = self.now();
+        match command {
+            Command::Region(region) => {
+                self.region = region;
+                // The vehicle is told at once.
+                self.reported = f64::MIN;
+                Ok(match (region, self.options.return_path.is_some()) {
+                    (_, false) => "no return channel: the vehicle does not hear of it".into(),
+                    (Some(_), true) => "region of interest sent".into(),
+                    (None, true) => "region of interest ended".into(),
+                })
+            }
+            Command::Record(on) => {
+                let path = self.options.keeper.record(now, on)?;
+                let what = if on { "recording to" } else { "recorded:" };
+                Ok(path.map_or("nothing was recorded".into(), |path| {
+                    format!("{what} {}", path.display())
+                }))
+            }
+            Command::Snapshot => {
+                let Published { state, picture, .. } = &self.published;
+                if picture.is_empty() {
+                    return Ok("no picture has come yet".into());
+                }
+                let path = self.options.keeper.snapshot(now, picture, state)?;
+                Ok(format!("snapshot: {}", path.display()))
+            }
+        }
+    }
+
+    /// Takes the picture that was decoded last.
+    fn show(&mut self) -> anyhow::Result<()> {
+        let Some(shown) = self.pictures.shown() else { return Ok(()) };
+        let now = self.options.clock.now();
+        self.log.shown(now);
+        match shown.decoded.uncertain {
+            true => _ = self.uncertain_since.get_or_insert(now),
+            false => self.uncertain_since = None,
+        }
+        self.views.take(shown);
+        self.published.picture = png(&shown.decoded.picture)?.into();
+        if let Some(chase) = self.views.draw_chase(shown)? {
+            self.published.chase = png(chase)?.into();
+        }
+        Ok(())
+    }
+
+    /// Tells the vehicle what came, and what the pilot wants.
+    fn report(&mut self) {
+        let now = self.now();
+        let silence = self.last_proven.map_or(f64::INFINITY, |last| now - last);
+        if !self.options.return_path.is_some()
+            || silence > PATIENCE
+            || now - self.reported < REPORT_EVERY
+        {
+            return;
+        }
+        let message = PilotMessage {
+            sent: exposure::stamp(now),
+            announce: self.pictures.lacks_camera(),
+            region: self.region,
+        };
+        let Some(report) = self.pictures.report(&message) else { return };
+        self.options.return_path.send(&report, self.peer);
+        self.counts.reports += 1;
+        self.reported = now;
+    }
+
+    fn publish(&mut self) -> anyhow::Result<()> {
+        let now = self.now();
+        self.log.count(now, self.pictures.statistics());
+        if let Err(error) = self.options.keeper.flush() {
+            self.note = Some(format!("the recording has ended: {error}"));
+        }
+        let state = self.state(now);
+        self.published.state = serde_json::to_string(&state)?.into();
+        self.publisher.send_replace(self.published.clone());
+        self.note = None;
+        Ok(())
+    }
+
+    fn state(&self, now: f64) -> State {
+        let shown = self.pictures.shown();
+        let uncertain_for = self.uncertain_since.map_or(0.0, |since| now - since);
+        let views = self.views.state(now, shown);
+        State {
+            now,
+            speed: self.options.clock.speed(),
+            source: self.options.source.clone(),
+            ended: self.ended.clone(),
+            picture: shown.map(|shown| picture_state(shown, now)),
+            pose: match (shown.is_some(), self.uncertain_since) {
+                (false, _) => PoseState::Waiting,
+                (true, None) => PoseState::Certain,
+                (true, Some(_)) if uncertain_for < SEARCHING => PoseState::Searching,
+                (true, Some(_)) => PoseState::Lost,
+            },
+            uncertain_for,
+            link: self.link_state(now),
+            plan: views.plan,
+            chase: views.chase,
+            path: views.path,
+            region: self.region.map(|region| region.edges.map(|edge| f64::from(edge) / 255.0)),
+            recorded: self.options.keeper.recorded(),
+            note: self.note.clone(),
+            warnings: self.warnings(shown),
+            overlay: shown.and_then(|shown| overlay(&shown.decoded)),
+        }
+    }
+
+    fn link_state(&self, now: f64) -> LinkState {
+        let statistics = self.pictures.statistics();
+        LinkState {
+            silence: self.last_proven.map(|last| (now - last).max(0.0)),
+            bit_rate: self.log.bit_rate(),
+            pictures_per_second: self.log.picture_rate(),
+            loss: self.log.loss(),
+            bytes: self.counts.bytes,
+            frames: self.counts.frames,
+            garbage: self.counts.garbage,
+            packets: statistics.completed,
+            updates: statistics.updates,
+            reports: self.options.return_path.is_some().then_some(self.counts.reports),
+            seconds: self.log.seconds().map(|second| (second.bytes, second.loss())).collect(),
+        }
+    }
+
+    /// Why what is shown may not be what the vehicle saw.
+    fn warnings(&self, shown: Option<&Shown>) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if !self.portable {
+            warnings.push(
+                "This device is not portable: its picture may differ from the vehicle's.".into(),
+            );
+        }
+        if let Some(decoded) = shown.map(|shown| &shown.decoded) {
+            if decoded.same_render == Some(false) {
+                warnings.push("The render is not the vehicle's: do not trust this picture.".into());
+            } else if self.portable && !decoded.portable {
+                warnings
+                    .push("The vehicle's device is not portable: the picture may differ.".into());
+            }
+            if let Some(update) = decoded.missing_update {
+                warnings.push(format!(
+                    "Update {update} of the prior is missing: this is memory alone."
+                ));
+            } else if let Some(damage) = &decoded.damage {
+                warnings.push(format!("Not all of the picture came: {damage}"));
+            }
+        }
+        warnings.extend(self.pictures.trouble().map(str::to_owned));
+        warnings
+    }
+}
+
+fn picture_state(shown: &Shown, now: f64) -> PictureState {
+    let picture = &shown.decoded.picture;
+    PictureState {
+        number: shown.number,
+        frame: shown.decoded.frame,
+        width: picture.width,
+        height: picture.height,
+        age: (now - shown.exposed).max(0.0),
+        clock: shown.clock.map(clock_name),
+        arrived: shown.arrived,
+        shares: [Some(shown.shares.0), shown.shares.1],
+        bytes: shown.bytes,
+        complete: shown.complete,
+        has_residual: shown.decoded.rows > 0,
+    }
+}
+
+/// A picture as PNG, quickly.
+pub fn png(picture: &Picture) -> anyhow::Result<Vec<u8>> {
+    use image::ImageEncoder;
+    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+    let mut bytes = Vec::new();
+    let encoder =
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
+    let Picture { width, height, data } = picture;
+    encoder.write_image(data, *width, *height, image::ExtendedColorType::Rgb8)?;
+    Ok(bytes)
+}

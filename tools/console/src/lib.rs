@@ -1,0 +1,10 @@
+//! A working link, in three programs. `nvsprior vehicle` turns frames into modem frames. `nvsprior channel` carries
+//! them as an acoustic link would. `nvsprior console` shows the pilot what comes.
+
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
+pub mod channel;
+pub mod console;
+mod endpoint;
+pub mod vehicle;

@@ -1,0 +1,300 @@
+//! `nvsprior vehicle`: frames to modem frames, as datagrams.
+
+mod frames;
+
+use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use nvsprior::modem::{
+    Loss, ModemError, Protection, RateControlOptions, Report, Sender, SenderOptions, UpdateOptions,
+};
+use nvsprior::tracking::FrameInfo;
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
+use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::mode::ModeArgs;
+use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_link::exposure::{self, ClockSource, EXPOSURE_LEN, TopsideClock};
+use nvsprior_link::pilot::{PilotMessage, Region};
+use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
+
+use crate::endpoint;
+use frames::{Frame, Frames, Next, Size};
+
+/// Send frames to a topside: the vehicle's half of a working link
+///
+/// Frames come at --frame-rate: those of the camera file, or raw ones on standard input (--raw). Each is encoded in the
+/// bytes that the link has for it, and goes as datagrams, one modem frame each, to --to. Frames for which there is no
+/// time or no room are left out. Reports of the topside are taken on the same socket: what it lacks, what it holds, and
+/// the pilot's region of interest.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    /// Frames come on standard input, as RGB of this size, 8 bits a channel, row by row without gaps. The camera file's
+    /// first frame tells camera and start pose
+    #[arg(long, value_name = "WxH", conflicts_with = "forth_and_back")]
+    raw: Option<Size>,
+    /// Go through the frames forth and back, until the program is stopped
+    #[arg(long)]
+    forth_and_back: bool,
+    /// Where the topside listens, or a modem's driver
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = endpoint::remote)]
+    to: SocketAddr,
+    /// Camera frames per second
+    #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = values::frame_rate)]
+    frame_rate: f64,
+    #[command(flatten)]
+    link: LinkArgs,
+    #[command(flatten)]
+    mode: ModeArgs,
+    /// Learn what the frames show and the prior does not, and send it as updates of the prior
+    #[arg(long)]
+    learn: bool,
+    /// See `nvsprior encode`
+    #[arg(long, value_name = "MSE", default_value_t = 1e-2, value_parser = values::mse, allow_hyphen_values = true)]
+    threshold: f64,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(clap::Args)]
+struct LinkArgs {
+    /// What the link carries, bits per second
+    #[arg(long, value_name = "BPS", default_value_t = 5000.0, value_parser = values::rate)]
+    bit_rate: f64,
+    /// Most bytes of a modem frame. The topside must be told the same
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..))]
+    mtu: u16,
+    /// What a modem frame takes beside its bytes, as bytes
+    #[arg(long, value_name = "BYTES", default_value_t = 0, value_parser = values::count)]
+    overhead: usize,
+    /// Longest time from a frame's exposure to the end of its last modem frame, seconds
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = values::seconds)]
+    latency: f64,
+    /// What of it is no transmission: search, coding, propagation; seconds
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = values::seconds)]
+    delay: f64,
+    /// Part of modem frames that packets are protected against at first; reports then tell the loss
+    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = values::not_negative)]
+    assume_loss: f64,
+    /// Mean number of modem frames that are lost in a row
+    #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = values::not_negative)]
+    burst: f64,
+    /// Fewest bytes for a picture, all counted: below it frames are left out
+    #[arg(long = "least", value_name = "BYTES", default_value_t = 100, value_parser = values::count)]
+    min_bytes: usize,
+    /// Most modem frames of a packet
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
+    shares: u16,
+}
+
+impl Args {
+    /// # Errors
+    /// If the link cannot be.
+    fn sender(&self) -> Result<SenderOptions, ModemError> {
+        let link = &self.link;
+        let loss = Loss { chance: link.assume_loss, burst: link.burst };
+        let left = (link.latency - link.delay).max(0.0);
+        let control = RateControlOptions {
+            bit_rate: link.bit_rate,
+            mtu: link.mtu.into(),
+            overhead: link.overhead,
+            latency: link.latency,
+            delay: link.delay,
+            spread: if loss.chance > 0.0 { 0.25 * left } else { 0.0 },
+            frame_rate: self.frame_rate,
+            min_bytes: link.min_bytes,
+            max_shares: link.shares.into(),
+            loss,
+            user: Some(EXPOSURE_LEN),
+        };
+        let options = SenderOptions {
+            control,
+            stream: 0,
+            protection: Protection::Layers,
+            expect_reports: true,
+            updates: self.learn.then(UpdateOptions::default),
+        };
+        Sender::new(options)?;
+        Ok(options)
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let sender = args.sender().map_err(|error| WrongUsage(error.to_string()))?;
+    let mode = args.mode.mode(true)?;
+    let frames = Frames::open(&args.input, args.raw, args.forth_and_back)?;
+    let socket = endpoint::connect(args.to)?;
+    let prior = args.prior.open()?;
+    let engine = args.device.open()?;
+    let scene =
+        if args.learn { engine.upload_for_updates(&prior)? } else { engine.upload(&prior)? };
+    let (threshold, frames_treated) = (args.threshold, false);
+    let options = VehicleOptions { sender, mode, threshold, frames_treated };
+    let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options)?;
+    println!("vehicle: {} bit/s to {}", args.link.bit_rate, args.to);
+    let mut dive = Dive {
+        start: Instant::now(),
+        vehicle,
+        socket,
+        bit_rate: args.link.bit_rate,
+        overhead: args.link.overhead,
+        clock: TopsideClock::default(),
+        region: None,
+        free: 0.0,
+        buffer: vec![0; endpoint::DATAGRAM],
+        counts: Counts::default(),
+    };
+    dive.go(frames, args.frame_rate)?;
+    let Counts { frames, packets, uncertain, reports } = dive.counts;
+    println!(
+        "vehicle: {packets} of {frames} frames sent, {uncertain} not certain; {reports} reports came"
+    );
+    args.device.check(&engine)
+}
+
+/// Seconds between two looks for a raw frame.
+const WAIT: f64 = 0.01;
+
+#[derive(Default)]
+struct Counts {
+    frames: usize,
+    packets: usize,
+    uncertain: usize,
+    reports: usize,
+}
+
+struct Dive {
+    start: Instant,
+    vehicle: Vehicle,
+    socket: UdpSocket,
+    bit_rate: f64,
+    overhead: usize,
+    clock: TopsideClock,
+    region: Option<Region>,
+    /// When the link has sent what it was given, seconds since the start.
+    free: f64,
+    buffer: Vec<u8>,
+    counts: Counts,
+}
+
+impl Dive {
+    /// Seconds since the start.
+    fn now(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    fn go(&mut self, mut frames: Frames, frame_rate: f64) -> anyhow::Result<()> {
+        let mut first = Some(frames.first());
+        loop {
+            match frames.next(self.now(), frame_rate)? {
+                Next::Frame(frame) => {
+                    self.work_until(frame.number as f64 / frame_rate)?;
+                    self.send(&frame, first.take().unwrap_or_default())?;
+                }
+                Next::Wait => self.work_until(self.now() + WAIT)?,
+                Next::End => break,
+            }
+        }
+        // What is left goes out.
+        let last = self.now() + self.vehicle.latency();
+        self.work_until(last)
+    }
+
+    /// Sends a frame that is exposed now.
+    fn send(&mut self, frame: &Frame, info: FrameInfo) -> anyhow::Result<()> {
+        let exposed = self.now();
+        let user = self.stamp(exposed);
+        self.counts.frames += 1;
+        let taken = CameraFrame {
+            number: frame.number,
+            exposed,
+            picture: &frame.picture,
+            info: FrameInfo { time: Some(exposed), ..info },
+            user: Some(&user),
+        };
+        let start = self.start;
+        let packet = self.vehicle.take(&taken, || start.elapsed().as_secs_f64())?;
+        let Some(packet) = packet else { return Ok(()) };
+        self.counts.packets += 1;
+        self.counts.uncertain += usize::from(!packet.certain);
+        self.send_due();
+        self.vehicle.learn(self.now())
+    }
+
+    /// When a frame was exposed, as its packet tells it.
+    fn stamp(&self, exposed: f64) -> [u8; EXPOSURE_LEN] {
+        match self.clock.at(exposed) {
+            Some(topside) => exposure::written(topside, ClockSource::Reports),
+            None => {
+                let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+                exposure::written(since.as_secs_f64(), ClockSource::Vehicle)
+            }
+        }
+    }
+
+    /// Sends what is due and takes reports, until a time.
+    fn work_until(&mut self, time: f64) -> anyhow::Result<()> {
+        loop {
+            self.send_due();
+            let now = self.now();
+            if now >= time {
+                return Ok(());
+            }
+            let due = self.vehicle.due().map(|due| due.max(self.free)).unwrap_or(f64::INFINITY);
+            let within = Duration::from_secs_f64((due.min(time) - now).clamp(0.0, 1.0));
+            let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
+            if let Some((bytes, _)) = received
+                && let Ok((report, user)) = Report::read(bytes)
+            {
+                let message = user.and_then(PilotMessage::read);
+                self.take_report(&report, message)?;
+            }
+        }
+    }
+
+    /// Sends the modem frames that are due, as fast as the link takes them. Those that waited for the encoder follow
+    /// each other: the link's own queue has them then.
+    fn send_due(&mut self) {
+        let now = self.now();
+        while self.free <= now
+            && let Some((due, share)) = self.vehicle.next_share(now)
+        {
+            // That nobody listens is no failure: they may do so later.
+            let _ = self.socket.send(share);
+            let seconds = (share.len() + self.overhead) as f64 * 8.0 / self.bit_rate;
+            self.free = self.free.max(due) + seconds;
+        }
+    }
+
+    fn take_report(
+        &mut self,
+        report: &Report,
+        message: Option<PilotMessage>,
+    ) -> anyhow::Result<()> {
+        let now = self.now();
+        // A report of another stream is none for this vehicle.
+        if self.vehicle.process_report(now, report).is_err() {
+            return Ok(());
+        }
+        self.counts.reports += 1;
+        let Some(PilotMessage { sent, announce, region }) = message else { return Ok(()) };
+        self.clock.reported(now, sent);
+        let encoder = self.vehicle.encoder();
+        if announce {
+            encoder.announce();
+        }
+        if region != self.region {
+            let size = (encoder.camera().width, encoder.camera().height);
+            encoder.set_interest(region.map(|region| region.interest(size)).transpose()?);
+            self.region = region;
+            println!(
+                "vehicle: {}",
+                if region.is_some() { "a region of interest" } else { "no region" }
+            );
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,125 @@
+//! When a frame was exposed, by the topside's clock: two user bytes that travel with its packet.
+//!
+//! A topside that knows only when packets came cannot tell how old a picture is: a delay that all of them have does not
+//! show. So the vehicle tells the time of exposure. Its own clock may be wrong. Each report tells the topside's time as
+//! it was sent, and the vehicle counts from the report that was fastest of late. The age is then never told too small,
+//! and too large by no more than that report took.
+//!
+//! | bits | content, little endian |
+//! |---|---|
+//! | 0–14 | time in steps of 20 ms, modulo 655.36 s |
+//! | 15 | whether it is counted from a report; else it is the vehicle's own UTC |
+
+use std::collections::VecDeque;
+
+/// Bytes that travel with each packet.
+pub const EXPOSURE_LEN: usize = 2;
+const STEP: f64 = 0.02;
+const STEPS: u16 = 1 << 15;
+/// Seconds after which stamps begin anew.
+pub const PERIOD: f64 = STEP * STEPS as f64;
+/// Reports that count: the clocks drift.
+const REPORTS: usize = 16;
+/// Greatest age that is believed, seconds.
+const OLDEST: f64 = 600.0;
+
+/// Whose clock a time is by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ClockSource {
+    /// The topside's, as its reports told it.
+    Reports,
+    /// The vehicle's own UTC.
+    Vehicle,
+}
+
+/// A time modulo [`PERIOD`], as steps.
+pub fn stamp(seconds: f64) -> u16 {
+    (seconds.rem_euclid(PERIOD) / STEP) as u16 % STEPS
+}
+
+/// A time as it travels.
+pub fn written(seconds: f64, source: ClockSource) -> [u8; EXPOSURE_LEN] {
+    let mark = if source == ClockSource::Reports { STEPS } else { 0 };
+    (stamp(seconds) | mark).to_le_bytes()
+}
+
+/// How old a frame is at `now`, the topside's UTC in seconds, by the user bytes of its packet. `None`: they tell no
+/// time, or one that cannot be, as the vehicle's clock is wrong.
+pub fn age(user: &[u8], now: f64) -> Option<(f64, ClockSource)> {
+    let word = u16::from_le_bytes(user.try_into().ok()?);
+    let source = if word >= STEPS { ClockSource::Reports } else { ClockSource::Vehicle };
+    let age = (now - f64::from(word % STEPS) * STEP).rem_euclid(PERIOD);
+    // A stamp is cut to its step.
+    let age = if age > PERIOD - 2.0 * STEP { 0.0 } else { age };
+    (age <= OLDEST).then_some((age, source))
+}
+
+/// The topside's clock, as the vehicle knows it.
+#[derive(Debug, Default)]
+pub struct TopsideClock {
+    /// Of the last reports: topside's time less vehicle's, modulo [`PERIOD`].
+    differences: VecDeque<f64>,
+}
+
+impl TopsideClock {
+    /// A report that came at `now`, the vehicle's time, tells when it was sent.
+    pub fn reported(&mut self, now: f64, sent: u16) {
+        self.differences.push_back((f64::from(sent) * STEP - now).rem_euclid(PERIOD));
+        if self.differences.len() > REPORTS {
+            self.differences.pop_front();
+        }
+    }
+
+    /// The topside's time at `now`, the vehicle's. It is early by as long as the fastest report was on its way. `None`:
+    /// none has come.
+    pub fn at(&self, now: f64) -> Option<f64> {
+        let first = *self.differences.front()?;
+        let beyond = |difference: &f64| (difference - first + PERIOD / 2.0).rem_euclid(PERIOD);
+        let fastest = self.differences.iter().map(beyond).fold(f64::MIN, f64::max);
+        Some((now + first + fastest - PERIOD / 2.0).rem_euclid(PERIOD))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(exposed: f64, now: f64) -> Option<f64> {
+        age(&written(exposed, ClockSource::Vehicle), now).map(|(age, _)| age)
+    }
+
+    #[test]
+    fn ages_are_told_across_the_period() {
+        for (exposed, now) in
+            [(5.0, 7.5), (PERIOD - 1.0, PERIOD + 1.5), (1.7e9 + 0.37, 1.7e9 + 2.87)]
+        {
+            let told = of(exposed, now).unwrap();
+            assert!((told - 2.5).abs() <= STEP, "{told}");
+        }
+        assert_eq!(of(10.0, 10.0 - 1e-3), Some(0.0), "a stamp of now is not of the past period");
+        assert_eq!(of(60.0, 30.0), None, "a vehicle's clock that is ahead is not believed");
+        assert_eq!(age(&[1, 2, 3], 0.0), None);
+        let (_, source) = age(&written(1.0, ClockSource::Reports), 2.0).unwrap();
+        assert_eq!(source, ClockSource::Reports);
+    }
+
+    /// The vehicle's clock is off by an hour. Reports take 0.4 s and more.
+    #[test]
+    fn the_fastest_report_counts_and_ages_are_never_too_small() {
+        let mut clock = TopsideClock::default();
+        assert_eq!(clock.at(0.0), None);
+        let vehicle = |topside: f64| topside + 3600.0;
+        for (sent, delay) in [(100.0, 1.5), (101.0, 0.4), (102.0, 2.0)] {
+            clock.reported(vehicle(sent + delay), stamp(sent));
+        }
+        let (exposed, now) = (650.0, 657.0);
+        let told = clock.at(vehicle(exposed)).unwrap();
+        let (age, _) = age(&written(told, ClockSource::Reports), now).unwrap();
+        assert!((7.0..=7.0 + 0.4 + 2.0 * STEP).contains(&age), "{age}");
+        for sent in 0..REPORTS {
+            clock.reported(vehicle(sent as f64 + 1.0), stamp(sent as f64));
+        }
+        let told = clock.at(vehicle(exposed)).unwrap();
+        assert!((told - (exposed - 1.0)).abs() < 2.0 * STEP, "what is long past does not count");
+    }
+}
