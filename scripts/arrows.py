@@ -28,7 +28,7 @@ coder_tables
 prior
 render
 packet
-residual
+residual truth
 error
 tracking
 engine modem

@@ -572,11 +572,11 @@ impl Encoder {
         self.beside.begin(engine, scene, camera, &setup, learnt, options)
     }
 
-    /// Learns from the last frame: a slice of work, [`LearnOptions::steps_per_frame`] steps of training at most. Call it
-    /// after each frame, once its packet is on its way. A frame without this call is not learnt from.
+    /// Learns from the last frame: a slice of work, [`LearnOptions::steps_per_frame`] steps of training at most. Call
+    /// it after each frame, once its packet is on its way. A frame without this call is not learnt from.
     ///
-    /// `price`: bytes of pictures that a byte of an update costs, 1 or more. On a link its headers and parity take more:
-    /// see [`Sender::update_price`](crate::modem::Sender::update_price).
+    /// `price`: bytes of pictures that a byte of an update costs, 1 or more. On a link its headers and parity take
+    /// more: see [`Sender::update_price`](crate::modem::Sender::update_price).
     ///
     /// # Errors
     /// If the device fails. Learning has ended then; what was learnt before stays.

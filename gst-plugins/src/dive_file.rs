@@ -16,8 +16,8 @@ pub struct DiveFile {
 }
 
 impl DiveFile {
-    /// Goes on from the updates in a file, or in `dive.nvsu` in a folder; without such a file, from none. Writes nothing
-    /// yet. Also tells why some updates are left out, if any are.
+    /// Goes on from the updates in a file, or in `dive.nvsu` in a folder; without such a file, from none. Writes
+    /// nothing yet. Also tells why some updates are left out, if any are.
     pub fn open(
         property: &'static str,
         path: &str,

@@ -45,11 +45,12 @@ versioned!(nvsp_learning, 32);
 /// once its packet is on its way: so learning delays no packet. A frame without this call is not learnt from. If the
 /// encoder does not learn, nothing happens.
 ///
-/// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_ARGUMENT, and nothing happens. If the device fails,
-/// it fails as nvsp_encode does; the encoder then goes on without learning.
+/// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_ARGUMENT, and nothing happens. If the device
+/// fails, it fails as nvsp_encode does; the encoder then goes on without learning.
 ///
 /// # Parameters
-/// - `price`: bytes of pictures that a byte of an update costs. 1 or more; on a link what nvsp_sender_update_price tells.
+/// - `price`: bytes of pictures that a byte of an update costs. 1 or more; on a link what nvsp_sender_update_price
+///   tells.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_learn(encoder: Option<&nvsp_encoder>, price: f64) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
@@ -62,8 +63,9 @@ pub extern "C" fn nvsp_encoder_learn(encoder: Option<&nvsp_encoder>, price: f64)
 }
 
 /// Copies the update that the frames so far have proved. It adds to the prior what they show and the prior does not.
-/// Ask after each nvsp_encoder_learn. Returns NVSP_PENDING if there is none, and writes nothing then. Give it to nvsp_sender_push_update, and keep it for the next dive: nvsp_encoder_add_update. Frames are
-/// drawn with it from nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update, no other one comes.
+/// Ask after each nvsp_encoder_learn. Returns NVSP_PENDING if there is none, and writes nothing then. Give it to
+/// nvsp_sender_push_update, and keep it for the next dive: nvsp_encoder_add_update. Frames are drawn with it from
+/// nvsp_encoder_adopt_update on. Until then, or until nvsp_encoder_drop_update, no other one comes.
 ///
 /// Fails with NVSP_ERR_UNFINISHED (a frame is under way) or NVSP_ERR_BUFFER_TOO_SMALL: the update is then kept.
 ///
@@ -288,8 +290,8 @@ pub unsafe extern "C" fn nvsp_sender_push_update(
     })
 }
 
-/// Tells how many bytes of pictures a byte of an update costs on this link, for nvsp_encoder_learn: its parity and headers
-/// count. It changes with the loss. Allocates nothing.
+/// Tells how many bytes of pictures a byte of an update costs on this link, for nvsp_encoder_learn: its parity and
+/// headers count. It changes with the loss. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_STATE if the sender was made without NVSP_SENDER_UPDATES.
 ///

@@ -21,7 +21,7 @@
 //! | 0–1 | pose profile: 1 compact, 2 paper, 3 short |
 //! | 2 | the pose is not certain: the picture does not confirm it |
 //! | 3 | the camera part follows |
-//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 to 4 its [`Coder`], 5 of a stream; 6: the residual part begins with a truth map; 7: none, and all of the picture is as seen |
+//! | 4–6 | residual: 0 none asked for, 1 left out as the budget holds none, 2 to 4 its [`Coder`], 5 of a stream, 6 with a truth map, 7 see below |
 //! | 7 | the render part follows |
 //!
 //! It has 31 bytes in the compact profile, one frame of the smallest modems, and 43 in the paper's.
@@ -70,9 +70,10 @@
 //! | 1 | how many frames before this one it came, 1 to 255; 0: the frame is intra, and the tag is not there |
 //! | 2 | its tag, see below |
 //!
-//! With code 6 the payload begins with the [truth map](crate::truth), which tells its own length. The lowest two bits of
-//! its first byte say what follows it: 0 no residual, as none was asked for; 1 none, as the budget holds none; 2 the
-//! wavelet coder's bytes; 3 those of a frame of a stream, from its reference on.
+//! With code 6 the payload begins with the [truth map](crate::truth), which tells its own length. The lowest two bits
+//! of its first byte say what follows it: 0 no residual, as none was asked for; 1 none, as the budget holds none; 2 the
+//! wavelet coder's bytes; 3 those of a frame of a stream, from its reference on. Code 7: no residual was asked for, or
+//! none was needed, and the truth map is the one by which all is as seen; no residual part follows.
 //!
 //! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
 //! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of

@@ -17,8 +17,8 @@
 //!
 //! **A packet that is cut.** The map is in front of the difference picture. If the end of that is missing, the picture
 //! is another than the one that was compared. So each block that is as seen has a *mark*: whether the render alone, the
-//! prior's picture, shows it as well. It does if no window of the render is off by more than 4/5 of the first threshold.
-//! Such a block stays as seen if what came has changed no window of the render by more than the other fifth. Then no
+//! prior's picture, shows it as well. It does if no window of the render is off by more than 4/5 of the first
+//! threshold. Such a block stays as seen if what came has changed no window of the render by more than the other fifth. Then no
 //! window can be off by more than the threshold. All other blocks are then not seen.
 //!
 //! # The map in a packet
@@ -30,7 +30,7 @@
 //! | 0–1 | what follows the map: see [`packet`](crate::packet) |
 //! | 2–3 | form. 0: all blocks are as seen, and nothing follows; else cells of 1, 2 or 4 blocks a side |
 //! | 4 | it is predicted from the last map before |
-//! | 5 | it holds for the whole packet only: no block is marked as shown by the render. In form 0 all are, unless this is set |
+//! | 5 | no block is marked as shown by the render; in form 0 all are, unless this is set |
 //! | 6–7 | thresholds: 16 and 28; 12 and 21; 20 and 35; 8 and 14 |
 //!
 //! The low four bits of the second byte are the number of coded bytes, up to 14; 15: the next one to three bytes, seven
@@ -39,8 +39,8 @@
 //!
 //! The coded bytes are of a binary range coder (as the wavelet coder's), with the chances of [`table`]. Cells come row
 //! by row. A cell's bits: whether it differs or is wrong; if so, whether it is wrong; if not, and bit 5 is not set,
-//! whether it takes the difference picture to be as seen. The chance of each bit depends on the cells left, above, above
-//! left and above right, and on the same cells of the map before: see [`coding`].
+//! whether it takes the difference picture to be as seen. The chance of each bit depends on the cells left, above,
+//! above left and above right, and on the same cells of the map before: see [`coding`].
 //!
 //! If the last map that is held is not the one that a map is predicted from, the map is lost: all blocks are not seen.
 
