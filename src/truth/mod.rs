@@ -18,8 +18,8 @@
 //! **A packet that is cut.** The map is in front of the difference picture. If the end of that is missing, the picture
 //! is another than the one that was compared. So each block that is as seen has a *mark*: whether the render alone, the
 //! prior's picture, shows it as well. It does if no window of the render is off by more than 4/5 of the first
-//! threshold. Such a block stays as seen if what came has changed no window of the render by more than the other fifth. Then no
-//! window can be off by more than the threshold. All other blocks are then not seen.
+//! threshold. Such a block stays as seen if what came has changed no window of the render by more than the other fifth.
+//! Then no window can be off by more than the threshold. All other blocks are then not seen.
 //!
 //! # The map in a packet
 //!

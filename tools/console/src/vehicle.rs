@@ -132,7 +132,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let scene =
         if args.learn { engine.upload_for_updates(&prior)? } else { engine.upload(&prior)? };
     let (threshold, frames_treated) = (args.threshold, false);
-    let options = VehicleOptions { sender, mode, threshold, frames_treated };
+    let options = VehicleOptions { sender, mode, threshold, frames_treated, truth: true };
     let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options)?;
     println!("vehicle: {} bit/s to {}", args.link.bit_rate, args.to);
     let mut dive = Dive {

@@ -255,7 +255,8 @@ impl Setting {
 
     /// The vehicle's side; [`Footage`] has its frames treated.
     fn vehicle(&self, threshold: f64) -> VehicleOptions {
-        VehicleOptions { sender: self.sender(), mode: self.mode, threshold, frames_treated: true }
+        let (sender, mode) = (self.sender(), self.mode);
+        VehicleOptions { sender, mode, threshold, frames_treated: true, truth: false }
     }
 
     /// The channel, for a run of so many seconds.

@@ -18,6 +18,8 @@ pub struct VehicleOptions {
     pub threshold: f64,
     /// See [`EncoderOptions::frames_treated`].
     pub frames_treated: bool,
+    /// See [`EncoderOptions::truth`].
+    pub truth: bool,
 }
 
 pub struct SentPacket {
@@ -104,8 +106,9 @@ impl Vehicle {
         camera: &Camera,
         options: &VehicleOptions,
     ) -> anyhow::Result<Vehicle> {
-        let VehicleOptions { sender, mode, threshold, frames_treated } = *options;
-        let options = EncoderOptions { threshold, frames_treated, mode, ..Default::default() };
+        let VehicleOptions { sender, mode, threshold, frames_treated, truth } = *options;
+        let options =
+            EncoderOptions { threshold, frames_treated, mode, truth, ..Default::default() };
         let mut encoder = Encoder::new(engine, scene, camera, options)?;
         let learns = sender.updates.is_some();
         let sender = Sender::new(sender)?;

@@ -12,6 +12,8 @@ pub struct Overlay {
 }
 
 /// The overlay of a picture; `None`: its packet tells nothing of it.
-pub fn overlay(_: &Decoded) -> Option<Overlay> {
-    None
+pub fn overlay(decoded: &Decoded) -> Option<Overlay> {
+    let truth = &decoded.truth;
+    truth.thresholds?;
+    Some(Overlay { columns: truth.columns as usize, levels: truth.levels.clone() })
 }
