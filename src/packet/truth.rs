@@ -69,7 +69,7 @@ mod tests {
             assert_eq!(bytes[1] & !LENGTH, 0x70);
             assert_eq!(split(&bytes).unwrap().1.len(), 3);
             assert_eq!(split(&bytes[..start + len]).unwrap().1.len(), 0);
-            assert_eq!(coded(&bytes[..(start + len).saturating_sub(1)]).is_some(), false, "{len}");
+            assert!(coded(&bytes[..(start + len).saturating_sub(1)]).is_none(), "{len}");
         }
         assert_eq!(split(&[0b1111_1111, 7]), None);
         assert_eq!(split(&[0b1111_0011, 7]), Some((&[0b1111_0011][..], &[7][..])));
