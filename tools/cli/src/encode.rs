@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
-use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Error, Mode, Picture, Rate};
+use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
@@ -277,25 +277,6 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Encodes a frame. If a budget does not even hold pose and camera, these alone are sent.
-fn encode_at_least(
-    args: &Args,
-    encoder: &mut Encoder,
-    input: &Input,
-) -> anyhow::Result<(Picture, Encoded)> {
-    let failed = match input.encode(encoder) {
-        Err(error) => error,
-        encoded => return encoded,
-    };
-    let Some(Error::Budget { needed, .. }) = failed.downcast_ref() else { return Err(failed) };
-    encoder.set_rate(Some(Rate::Bytes(*needed)));
-    let encoded = input.encode(encoder);
-    encoder.set_rate(args.rate.rate());
-    let (frame, mut encoded) = encoded?;
-    encoded.stats.rate_kept = false;
-    Ok((frame, encoded))
-}
-
 /// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
 fn encode(
     args: &Args,
@@ -303,7 +284,7 @@ fn encode(
     dive_file: Option<&mut DiveFile>,
     input: &Input,
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
-    let (frame, encoded) = encode_at_least(args, encoder, input)?;
+    let (frame, encoded) = input.encode(encoder)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;
