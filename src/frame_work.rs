@@ -172,31 +172,29 @@ impl FrameWork {
             coders.truth.forget();
         }
         let reserved = if self.has_truth { reserved(coders.truth.needed(), rate) } else { 0 };
-        match self.write_with(packet, rate, reserved, coders, encoded)? {
-            Written::Done { reached } => Ok(reached),
-            Written::TruthNeeds(reserved) => {
-                match self.write_with(packet, rate, reserved, coders, encoded)? {
-                    Written::Done { reached } => Ok(reached),
-                    Written::TruthNeeds(_) => Ok(false),
-                }
+        let mut reserved = Reserved { bytes: reserved, is_last: false };
+        loop {
+            match self.write_with(packet, rate, reserved, coders, encoded)? {
+                Written::Done { reached } => return Ok(reached),
+                Written::TruthNeeds(bytes) => reserved = Reserved { bytes, is_last: true },
             }
         }
     }
 
-    /// Codes the difference picture, and writes the packet. `reserved`: bytes of the budget that are kept for the truth
-    /// map. If it needs more, nothing is written.
+    /// Codes the difference picture, and writes the packet. If the truth map needs more than what is reserved for it,
+    /// nothing is written, unless that is the last word: it is then coarser.
     fn write_with(
         &mut self,
         packet: Packet,
         rate: Rate,
-        reserved: usize,
+        reserved: Reserved,
         coders: &mut Coders,
         encoded: &mut Encoded,
     ) -> Result<Written, Error> {
         let Coders { residual, truth } = coders;
         let (frame, render) = (&self.frame, &self.render);
         // The coder counts the check of the full form.
-        let others = packet.encoded_len() - packet.latent.spared_check() + reserved;
+        let others = packet.encoded_len() - packet.latent.spared_check() + reserved.bytes;
         let in_stream = self.stream.as_ref().map(|stream| InStream {
             frame: StreamFrame {
                 frame: self.stats.frame,
@@ -224,7 +222,7 @@ impl FrameWork {
             let compared = Compared { frame, picture, base, mask };
             let limit = truth_limit(&packet, rate);
             let more = self::reserved(truth.compare(self.stats.frame, &compared), rate);
-            if more > limit.max(reserved) {
+            if more > limit.max(reserved.bytes) && !reserved.is_last {
                 return Ok(Written::TruthNeeds(more));
             }
             let bare = packet.encoded_len();
@@ -238,6 +236,14 @@ impl FrameWork {
         }
         Ok(Written::Done { reached })
     }
+}
+
+/// Bytes of a budget that are kept for the truth map.
+#[derive(Clone, Copy)]
+struct Reserved {
+    bytes: usize,
+    /// They stay as they are.
+    is_last: bool,
 }
 
 /// What came of writing a packet.

@@ -181,3 +181,14 @@ fn without_a_map_nothing_is_known() {
         assert_eq!(decoded.truth, TruthMap::not_seen(CAMERA.width, CAMERA.height));
     }
 }
+
+#[test]
+fn every_budget_yields_a_packet() {
+    for budget in (60..400).step_by(10) {
+        let (_, frames) = dive(Rate::Bytes(budget), Mode::Intra);
+        for (number, (_, encoded)) in frames.iter().enumerate() {
+            let len = encoded.packet.len();
+            assert!(len > budget / 2 && len <= budget, "{budget} bytes, frame {number}: {len}");
+        }
+    }
+}
