@@ -145,7 +145,10 @@ impl Encoder {
             mask: None,
             interest: None,
             preprocessor: preprocessor(scene, &options),
-            coders: Coders::new(&residual_setup(engine, scene, camera, options.residual)),
+            coders: Coders::new(
+                &residual_setup(engine, scene, camera, options.residual),
+                has_truth(&options),
+            ),
             options,
             work: FrameWork::default(),
             renders_before: Vec::new(),
@@ -188,7 +191,7 @@ impl Encoder {
                 (camera.width, camera.height) == (self.camera.width, self.camera.height);
             self.camera = *camera;
             if !same_size {
-                self.coders = Coders::new(&self.residual_setup());
+                self.coders = Coders::new(&self.residual_setup(), has_truth(&self.options));
             }
             #[cfg(feature = "training")]
             self.go_on_learning();
@@ -263,7 +266,7 @@ impl Encoder {
         self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
-        self.coders = Coders::new(&self.residual_setup());
+        self.coders = Coders::new(&self.residual_setup(), has_truth(&self.options));
         #[cfg(feature = "training")]
         self.go_on_learning();
         Ok(())
@@ -384,7 +387,7 @@ impl Encoder {
         let camera = self.camera_due().then_some(self.camera);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
-        work.has_truth = self.options.truth && self.options.residual == ResidualCoder::Wavelet;
+        work.has_truth = has_truth(&self.options);
         let renderer = self.tracker.objective().renderer();
         work.render.resize(self.camera.width, self.camera.height);
         work.render.data.copy_from_slice(renderer.rendered());
@@ -626,6 +629,11 @@ impl Encoder {
         let setup = self.residual_setup();
         self.beside.go_on(&self.engine, &self.scene, &self.camera, &setup);
     }
+}
+
+/// Whether packets get truth maps.
+fn has_truth(options: &EncoderOptions) -> bool {
+    options.truth && options.residual == ResidualCoder::Wavelet
 }
 
 /// A mask, if it masks anything.

@@ -167,12 +167,15 @@ impl FrameWork {
         if self.stream.as_ref().is_none_or(|stream| stream.first) {
             coders.residual.forget();
         }
-        if self.camera.is_some() {
-            // The topside may lack what came before.
-            coders.truth.forget();
+        let mut bytes = 0;
+        if let Some(truth) = &mut coders.truth {
+            if self.camera.is_some() {
+                // The topside may lack what came before.
+                truth.forget();
+            }
+            bytes = reserved(truth.needed(), rate);
         }
-        let reserved = if self.has_truth { reserved(coders.truth.needed(), rate) } else { 0 };
-        let mut reserved = Reserved { bytes: reserved, is_last: false };
+        let mut reserved = Reserved { bytes, is_last: false };
         loop {
             match self.write_with(packet, rate, reserved, coders, encoded)? {
                 Written::Done { reached } => return Ok(reached),
@@ -212,7 +215,7 @@ impl FrameWork {
         let reached = coded.reached;
         encoded.picture.clone_from(coded.reconstruction);
         self.stats.truth_bytes = 0;
-        if self.has_truth {
+        if let Some(truth) = truth {
             let base = match packet.residual {
                 Residual::None | Residual::Omitted => Base::Picture,
                 Residual::Stream { reference: Some(_), .. } => Base::Unknown,
@@ -290,12 +293,13 @@ fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
 /// Codes what a packet holds beside the pose.
 pub(crate) struct Coders {
     residual: ResidualEncoder,
-    truth: TruthEncoder,
+    /// `None`: no truth maps are wanted.
+    truth: Option<TruthEncoder>,
 }
 
 impl Coders {
-    pub fn new(setup: &ResidualSetup) -> Coders {
-        let truth = TruthEncoder::new(setup.width, setup.height);
+    pub fn new(setup: &ResidualSetup, has_truth: bool) -> Coders {
+        let truth = has_truth.then(|| TruthEncoder::new(setup.width, setup.height));
         Coders { residual: ResidualEncoder::new(setup), truth }
     }
 }
@@ -320,7 +324,7 @@ impl Coder {
         let (_, coders) = match self.0.take() {
             Some(same) if same.0.is_as(&setup) => self.0.insert(same),
             _ => {
-                let coders = Coders::new(&setup);
+                let coders = Coders::new(&setup, work.has_truth);
                 self.0.insert((setup, coders))
             }
         };

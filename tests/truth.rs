@@ -145,7 +145,8 @@ fn lost_packets_leave_no_untrue_map() {
             check(&decoded.truth, seen, &decoded.picture, &format!("{lost} lost, frame {number}"));
         }
         // A topside that joins late.
-        let mut late = Decoder::new(&on_device(&wall(1)).0, &on_device(&wall(1)).1);
+        let (engine, scene) = on_device(&wall(1));
+        let mut late = Decoder::new(&engine, &scene);
         late.add_camera(&CAMERA).unwrap();
         let (seen, encoded) = &frames[lost];
         let decoded = late.decode(&encoded.packet).unwrap();

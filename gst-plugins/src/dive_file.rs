@@ -3,12 +3,10 @@
 use std::path::PathBuf;
 
 use nvsprior::PriorId;
+use nvsprior::prior::update::DIVE_FILE;
 use nvsprior::prior::{Update, UpdateChain, UpdateError};
 
 use crate::property::PropertyError;
-
-/// Its name in a folder.
-const NAME: &str = "dive.nvsu";
 
 pub struct DiveFile {
     path: PathBuf,
@@ -24,7 +22,7 @@ impl DiveFile {
         prior: PriorId,
     ) -> Result<(DiveFile, Option<UpdateError>), PropertyError> {
         let path = PathBuf::from(path);
-        let path = if path.is_dir() { path.join(NAME) } else { path };
+        let path = if path.is_dir() { path.join(DIVE_FILE) } else { path };
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         if folder.is_some_and(|folder| !folder.is_dir()) {
             return Err(PropertyError::NoFolder { name: property, file: path });
@@ -47,12 +45,7 @@ impl DiveFile {
 
     /// The updates as they travel.
     pub fn each_bytes(&self) -> Result<Vec<Vec<u8>>, UpdateError> {
-        let bytes = |update: &Update| {
-            let mut bytes = Vec::new();
-            update.write(&mut bytes)?;
-            Ok(bytes)
-        };
-        self.chain.updates().iter().map(bytes).collect()
+        self.chain.updates().iter().map(Update::to_bytes).collect()
     }
 
     /// Adds an update and writes the file. Updates behind the state that it stands on go: the vehicle has begun anew

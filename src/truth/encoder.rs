@@ -92,7 +92,7 @@ impl TruthEncoder {
         self.last = None;
     }
 
-    /// Compares the pictures of a frame. Returns how many bytes the finest map takes.
+    /// Compares the pictures of a frame, and writes the finest map. Returns how many bytes it takes.
     pub fn compare(&mut self, number: u32, compared: &Compared) -> usize {
         self.mark(compared);
         match self.plain() {
@@ -103,20 +103,17 @@ impl TruthEncoder {
         self.needed
     }
 
-    /// Writes the map of the frame that was compared, in `limit` bytes at most; `None`: there is no room for any.
+    /// Writes the map of the frame that was compared last, in `limit` bytes at most; `None`: there is no room for any.
     pub fn encode(&mut self, number: u32, limit: usize) -> Option<&[u8]> {
         let distance = self.distance(number);
-        let done = match self.plain() {
-            Some(whole) => {
-                self.write_plain(whole);
-                self.bytes.len() <= limit
-            }
-            None => FORMS.iter().any(|form| {
-                self.write(*form, distance);
-                self.bytes.len() <= limit
-            }),
-        };
-        if !done {
+        // The finest one is there already.
+        let mut coarser = FORMS[1..].iter();
+        while self.bytes.len() > limit
+            && let Some(form) = coarser.next()
+        {
+            self.write(*form, distance);
+        }
+        if self.bytes.len() > limit {
             self.last = None;
             return None;
         }

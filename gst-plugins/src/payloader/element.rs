@@ -102,7 +102,7 @@ struct State {
     cut: bool,
     /// The packet before was left out, and a warning has said why.
     refused: bool,
-    /// The same of the update before.
+    /// The update before was left out, and a warning has said why.
     update_refused: bool,
 }
 

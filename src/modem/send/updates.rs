@@ -127,7 +127,8 @@ impl Updates {
         Ok(())
     }
 
-    /// The same of an update that the topside is taken to hold, if it holds all before.
+    /// As [`push`](Self::push), for an update that the topside is taken to hold. If it lacks one before it,
+    /// this one goes as others do.
     pub fn push_held(&mut self, now: f64, bytes: &[u8], link: &Link) -> Result<(), ModemError> {
         self.add(bytes, link)?;
         match self.sent.split_last_mut() {

@@ -16,6 +16,9 @@ use super::content::Update;
 use super::learnt::Learnt;
 use super::limits::MAX_UPDATE_BYTES;
 
+/// Name of the file that holds the chain of a side's dives, in the folder that it is kept in.
+pub const DIVE_FILE: &str = "dive.nvsu";
+
 /// How a chain starts.
 pub const CHAIN_MAGIC: &[u8] = b"nvsc";
 const VERSION: u8 = 1;

@@ -17,6 +17,13 @@ pub(super) const HEADER: usize = 15;
 const CHECK: usize = 4;
 
 impl Update {
+    /// The update as it travels: see [`Update::write`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>, UpdateError> {
+        let mut bytes = Vec::new();
+        self.write(&mut bytes)?;
+        Ok(bytes)
+    }
+
     /// Appends it as bytes. The same update gives the same bytes, whatever the order of its splats.
     ///
     /// Fails if [`Update::check`] does, and appends nothing then.

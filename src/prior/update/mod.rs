@@ -99,7 +99,7 @@ mod places;
 mod splat;
 mod state;
 
-pub use chain::{CHAIN_MAGIC, ChainRead, UpdateChain};
+pub use chain::{CHAIN_MAGIC, ChainRead, DIVE_FILE, UpdateChain};
 pub use change::Change;
 pub use content::Update;
 pub use error::UpdateError;

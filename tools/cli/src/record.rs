@@ -14,8 +14,6 @@ use anyhow::{Context, ensure};
 use nvsprior::prior::{Learnt, PriorError, Update, UpdateChain, UpdateError, replace_file};
 use nvsprior::{Prior, PriorId};
 
-use crate::updates::bytes_of;
-
 /// What the first line says before the prior's identity.
 const TITLE: &str = "# learnt by prior ";
 const COLUMNS: &str =
@@ -62,7 +60,7 @@ pub fn rows_of(chain: &UpdateChain, dive: &str) -> Result<Vec<Row>, UpdateError>
             dive: dive.to_owned(),
             update: Some(update.number),
             frames: update.frames,
-            bytes: bytes_of(update)?.len(),
+            bytes: update.to_bytes()?.len(),
             new: update.splats.len(),
             changed: update.changed.len(),
             removed: update.removed.len(),

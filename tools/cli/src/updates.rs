@@ -3,12 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::prior::update::CHAIN_MAGIC;
-use nvsprior::prior::{Learnt, Update, UpdateChain, UpdateError};
+use nvsprior::prior::update::{CHAIN_MAGIC, DIVE_FILE};
+use nvsprior::prior::{Learnt, Update, UpdateChain};
 use nvsprior::{Prior, PriorId};
-
-/// The name of a dive file.
-pub const DIVE_FILE: &str = "dive.nvsu";
 
 /// Whether a file begins as a chain of updates does.
 pub fn is_chain(path: &Path) -> anyhow::Result<bool> {
@@ -95,11 +92,4 @@ impl DiveFile {
         }
         Ok(self.chain.save(&self.path)?)
     }
-}
-
-/// An update as it travels.
-pub fn bytes_of(update: &Update) -> Result<Vec<u8>, UpdateError> {
-    let mut bytes = Vec::new();
-    update.write(&mut bytes)?;
-    Ok(bytes)
 }

@@ -11,7 +11,7 @@ use nvsprior::render::Scene;
 use nvsprior::{Decoder, Engine};
 
 use super::Args;
-use crate::updates::{DiveFile, bytes_of, chain_of, is_chain};
+use crate::updates::{DiveFile, chain_of, is_chain};
 
 /// Where updates come from.
 enum Source {
@@ -55,7 +55,7 @@ impl Updates {
     /// Gives a decoder what was learnt before.
     pub fn begin(&mut self, decoder: &mut Decoder) -> anyhow::Result<()> {
         for update in self.dive_file.updates() {
-            decoder.add_update(&bytes_of(update)?)?;
+            decoder.add_update(&update.to_bytes()?)?;
         }
         if self.dive_file.updates().is_empty() { Ok(()) } else { self.dive_file.save() }
     }
@@ -97,7 +97,7 @@ impl Updates {
     fn take(&mut self, decoder: &mut Decoder, count: usize) -> anyhow::Result<()> {
         let Source::Chain(rest) = &mut self.source else { return Ok(()) };
         for update in rest.drain(..count) {
-            decoder.add_update(&bytes_of(&update)?)?;
+            decoder.add_update(&update.to_bytes()?)?;
             self.dive_file.add(update)?;
         }
         Ok(())

@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use nvsprior::learning::LearnOptions;
+use nvsprior::prior::update::DIVE_FILE;
 use nvsprior::prior::{Update, replace_file};
 use nvsprior::render::Scene;
 use nvsprior::{Encoder, Engine};
 use nvsprior_inputs::args::PriorArgs;
 use nvsprior_inputs::input::Input;
 
-use crate::updates::{DIVE_FILE, DiveFile};
+use crate::updates::DiveFile;
 
 /// Whether to learn, and how.
 #[derive(clap::Args)]

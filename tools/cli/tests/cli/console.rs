@@ -128,7 +128,7 @@ fn socket() -> (UdpSocket, String) {
     (socket, at)
 }
 
-/// What comes until nothing does for two seconds, and from where it came last.
+/// The datagrams that come, and the sender of the last one. Ends after two seconds without any.
 fn datagrams(socket: &UdpSocket) -> (Vec<Vec<u8>>, Option<std::net::SocketAddr>) {
     let (mut found, mut peer, mut buffer) = (Vec::new(), None, [0; 2048]);
     while let Ok((len, from)) = socket.recv_from(&mut buffer) {

@@ -61,7 +61,7 @@ impl ChaseView {
         projection::lines(&self.camera, &self.pose, points, 0.05 * self.unit)
     }
 
-    /// The vehicle: a pyramid with its top at the camera, open to where it looks.
+    /// The vehicle as a pyramid. Its top is the camera; its base lies in front of the camera.
     pub fn vehicle(&self, camera: &Camera, pose: &Pose) -> Vec<Vec<Pixel>> {
         let [a, b, c, d] = projection::corners(camera, pose, 0.5 * self.unit);
         let centre = pose.centre();

@@ -44,7 +44,7 @@ fn level_up(vectors: impl Iterator<Item = DVec3>, about: DVec3) -> DVec3 {
     (0..200).fold(about, step)
 }
 
-/// From where to where the scene reaches, by a number of each splat. A few strays do not count.
+/// The least and the greatest of a number that each splat has. A few strays do not count.
 fn range(prior: &Prior, number: impl Fn(DVec3) -> f64) -> [f64; 2] {
     let splats = prior.splats();
     let opaque = (0..splats.len()).filter(|index| splats.opacity(*index) > OPAQUE);

@@ -18,7 +18,7 @@ pub fn project(camera: &Camera, pose: &Pose, point: DVec3, near: f64) -> Option<
     Some([x, y].map(|value| (value * 10.0).round() as f32 / 10.0))
 }
 
-/// A line through points, in parts where it passes out of sight.
+/// A line through points. If some are out of sight, the line has several parts.
 pub fn lines(
     camera: &Camera,
     pose: &Pose,

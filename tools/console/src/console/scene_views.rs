@@ -127,7 +127,7 @@ impl SceneViews {
             let pose = &shown.decoded.pose;
             let [top_left, top_right, lower_right, lower_left] =
                 projection::corners(&shown.camera, pose, 2.0 * self.chase.unit);
-            // The middles of the sides: where the camera looks, level.
+            // At half of the picture's height: the cone is seen from above.
             let sides = [(top_left + lower_left) / 2.0, (top_right + lower_right) / 2.0];
             sides.into_iter().filter_map(place).collect()
         };
