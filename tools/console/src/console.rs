@@ -2,6 +2,8 @@
 
 mod chase_view;
 mod clock;
+mod event;
+mod framed;
 mod input;
 mod keeper;
 mod link_log;
@@ -11,6 +13,7 @@ mod plan_view;
 mod projection;
 mod recording;
 mod scene_views;
+mod serial;
 mod server;
 mod state;
 mod token;
@@ -24,7 +27,8 @@ use std::sync::mpsc::sync_channel;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 
 use crate::endpoint;
-use input::{EVENTS, SourceArgs};
+use event::EVENTS;
+use input::SourceArgs;
 use keeper::Keeper;
 use server::Server;
 use topside::{Topside, TopsideOptions};

@@ -125,9 +125,9 @@ function tick() {
   showPose(level === 2 || !isConnected);
   byId("stage").classList.toggle("old", level === 2 || !isConnected);
   byId("silence").textContent = state.link.silence === null ? "–" : seconds(state.link.silence + since());
-  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.ended;
+  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped;
   if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
-  else if (state.ended) byId("banner").textContent = `Nothing more comes: ${state.ended}`;
+  else if (state.stopped) byId("banner").textContent = `Nothing comes: ${state.stopped}`;
   else if (level === 2) byId("banner").textContent = `This picture is ${seconds(age)} old`;
   else byId("banner").textContent = `Lost for ${seconds(state.uncertain_for + since())}: the place shown may be wrong`;
 }
@@ -145,7 +145,7 @@ function showState() {
     : "";
   byId("link-line").textContent =
     `${state.source} · ${link.bytes} bytes in ${link.frames} frames, ${link.garbage} of no use · ` +
-    `${link.updates} updates` + (link.reports === null ? " · no return channel" : ` · ${link.reports} reports sent`);
+    `${link.learnt} updates of the prior learnt` + (link.reports === null ? " · no return channel" : ` · ${link.reports} reports sent`);
   byId("warnings").replaceChildren(...state.warnings.map((text) => {
     const item = document.createElement("li");
     item.textContent = text;
