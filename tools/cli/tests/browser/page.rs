@@ -44,7 +44,7 @@ impl Page {
         self.tab.call_method(method).unwrap();
     }
 
-    fn value(&self, expression: &str) -> Value {
+    pub fn value(&self, expression: &str) -> Value {
         let found = self.tab.evaluate(expression, false).unwrap();
         found.value.unwrap_or(Value::Null)
     }
