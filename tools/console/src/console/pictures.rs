@@ -267,4 +267,4 @@ impl Pictures {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

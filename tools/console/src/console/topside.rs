@@ -20,6 +20,7 @@ use super::overlay::overlay;
 use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
 use super::state::{LinkState, PictureState, PoseState, State, clock_name};
+use super::video::Video;
 
 pub struct TopsideOptions {
     pub mtu: usize,
@@ -27,6 +28,7 @@ pub struct TopsideOptions {
     pub clock: Clock,
     pub return_path: ReturnPath,
     pub keeper: Keeper,
+    pub video: Option<Video>,
 }
 
 /// What the page gets.
@@ -261,6 +263,9 @@ impl Topside {
             self.note = Some(format!("the recording has ended: {error}"));
         }
         let state = self.state(now);
+        if let Some((video, shown)) = self.options.video.as_ref().zip(self.pictures.shown()) {
+            video.show(shown, state.overlay.clone(), state.pose);
+        }
         self.published.state = serde_json::to_string(&state)?.into();
         self.publisher.send_replace(self.published.clone());
         self.note = None;
@@ -337,6 +342,7 @@ impl Topside {
             }
         }
         warnings.extend(self.pictures.trouble().map(str::to_owned));
+        warnings.extend(self.options.video.as_ref().and_then(Video::trouble));
         warnings
     }
 }
@@ -369,3 +375,6 @@ pub fn png(picture: &Picture) -> anyhow::Result<Vec<u8>> {
     encoder.write_image(data, *width, *height, image::ExtendedColorType::Rgb8)?;
     Ok(bytes)
 }
+
+#[cfg(test)]
+mod soak;

@@ -12,13 +12,14 @@ use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
 
 use super::*;
 
-const MTU: usize = 64;
-const FRAME_RATE: f64 = 3.0;
+pub const MTU: usize = 64;
+pub const FRAME_RATE: f64 = 3.0;
 /// Frames of T2 that are gone through forth and back. They show a box that the prior does not.
 const FRAMES: usize = 12;
 const LOSS: f32 = 0.1;
 
-fn options() -> VehicleOptions {
+/// A vehicle at three frames a second.
+pub fn options(updates: Option<UpdateOptions>) -> VehicleOptions {
     let control = RateControlOptions {
         bit_rate: 16_000.0,
         mtu: MTU,
@@ -32,7 +33,6 @@ fn options() -> VehicleOptions {
         loss: Loss { chance: f64::from(LOSS), burst: 1.0 },
         user: Some(EXPOSURE_LEN),
     };
-    let updates = Some(UpdateOptions::default());
     let protection = Protection::Layers;
     let sender = SenderOptions { control, stream: 0, protection, expect_reports: true, updates };
     let mode = Mode::Intra;
@@ -54,8 +54,9 @@ impl Link {
         let engine = Engine::new(&Default::default()).unwrap();
         let prior = Prior::from_bytes(PRIOR, "the demo's prior", &Default::default()).unwrap();
         let [below, above] = [(); 2].map(|()| engine.upload_for_updates(&prior).unwrap());
+        let learning = options(Some(UpdateOptions::default()));
         Link {
-            vehicle: Vehicle::new(&engine, &below, &CAMERA, &options()).unwrap(),
+            vehicle: Vehicle::new(&engine, &below, &CAMERA, &learning).unwrap(),
             pictures: Pictures::new(&engine, &above, MTU).unwrap(),
             random: Random::new(7),
             frames: nvsprior_basin::inspection_run(Run::T2, FRAMES, Conditions::CALM).collect(),
