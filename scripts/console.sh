@@ -1,6 +1,6 @@
 #!/bin/bash
-# Starts a working link on the demo's run T2: console, channel and vehicle. The console prints the page's address. Ctrl-C
-# ends all three; if one ends by itself, the others end, too.
+# Starts a working link on the demo's run T2: console, channel and vehicle. The console prints the page's address.
+# Ctrl-C ends all three. If one ends by itself, the others end, too.
 # Usage: console.sh [OUT]; the program is target/release/nvsprior, or the one that NVSPRIOR names.
 # PAGE, TOPSIDE_PORT and MODEM_PORT choose other ports.
 set -euo pipefail
@@ -26,7 +26,7 @@ trap 'exit 130' INT TERM
 "$nvsprior" vehicle --prior "$out/prior.ply" --cameras "$out/T2/cameras.json" --split T2 --to "127.0.0.1:$modem" \
     --bit-rate 8000 --frame-rate 3 --forth-and-back &
 wait -n || {
-    echo "console.sh: one of the three has ended; so the others do. Another port: PAGE=127.0.0.1:8081," \
-        "TOPSIDE_PORT=5702 or MODEM_PORT=5703 before the command" >&2
+    echo "console.sh: one of the three has ended, as told above, so the others end, too. For other ports:" \
+        "make console PAGE=127.0.0.1:8081 TOPSIDE_PORT=5702 MODEM_PORT=5703" >&2
     exit 1
 }

@@ -153,7 +153,7 @@ const WALL: [u32; 4] = [0, 4, 0, 3];
 fn the_overlay_lies_over_the_new_object(page: &Page, desk: &mut Desk) {
     page.resize(1280, 720);
     desk.water(Water::Still(STILL));
-    desk.restart_vehicle(2400);
+    desk.restart_vehicle(3000);
     page.value(
         "window.blocks = ([left, right, top, bottom], of) => {
             const found = [];
@@ -170,17 +170,34 @@ fn the_overlay_lies_over_the_new_object(page: &Page, desk: &mut Desk) {
         };",
     );
     page.key("p");
-    let told =
-        |at: [u32; 4], levels: &str| format!("blocks({at:?}, level).every((level) => {levels})");
-    let over_the_box = told(BOX, "level === 1 || level === 2");
-    let as_mapped = told(WALL, "level === 0");
-    page.until("the overlay", &format!("state.overlay && {over_the_box} && {as_mapped}"));
-    let drawn = |at: [u32; 4], what: &str| page.is(&format!("blocks({at:?}, ink).every({what})"));
-    assert!(drawn(BOX, "(part) => part > 0.2") && drawn(WALL, "(part) => part === 0"));
-    page.save("overlay");
+    // All in one look, since the next packet may have another map.
+    let told = |at: [u32; 4], what: &str| format!("blocks({at:?}, level).every({what})");
+    let drawn = |at: [u32; 4], what: &str| format!("blocks({at:?}, ink).every({what})");
+    let over_the_box = told(BOX, "(level) => level === 1 || level === 2");
+    let as_mapped = told(WALL, "(level) => level === 0");
+    let shown =
+        "state.overlay && state.picture.complete && loaded.picture === state.picture.number";
+    let covered = drawn(BOX, "(part) => part > 0.9");
+    let rest = drawn(WALL, "(part) => part === 0");
+    let overlay = format!("{shown} && {over_the_box} && {as_mapped} && {covered} && {rest}");
+    let mut number = f64::NAN;
+    while !page.is(&format!("{overlay} && state.picture.number === {number}")) {
+        page.until("the overlay", &overlay);
+        number = page.number("state.picture.number");
+        page.save("overlay");
+    }
+    // The legend can be read: patterns beside their words.
+    assert!(page.is(
+        "legend.every(({ item, words }) => {
+            const [swatch, text] = [item.firstChild, words].map((part) => part.getBoundingClientRect());
+            return item.hidden || swatch.width >= 30 && swatch.right <= text.left
+                && /[a-z] [0-9]+ %$/.test(words.textContent);
+        })"
+    ));
     page.key("o");
-    assert!(drawn(BOX, "(part) => part === 0"), "O takes it away");
+    let bare = drawn(BOX, "(part) => part === 0");
+    page.until("a packet with a map, not drawn", &format!("{shown} && {over_the_box} && {bare}"));
     page.key("o");
-    assert!(drawn(BOX, "(part) => part > 0.2"), "O brings it back");
+    page.until("the overlay again", &overlay);
     page.key("p");
 }

@@ -74,8 +74,8 @@ function drawPicture() {
 function drawMarks() {
   const place = begin(byId("marks"));
   const overlay = shows.overlay && state && state.overlay;
-  byId("legend").hidden = !overlay;
   if (!box || !state) return;
+  showLegend();
   if (overlay) drawOverlay(place, box, overlay);
   if (shows.path && state.path) drawPath(place, box, state.path);
   const region = marker.drawn || state.region;
@@ -224,19 +224,34 @@ document.addEventListener("keydown", (event) => {
   if (command || (state && marker.key(event, state.region))) event.preventDefault();
 });
 
-function drawLegend() {
-  byId("legend").replaceChildren(...LEVELS.filter(Boolean).map((level) => {
-    const item = document.createElement("span"), swatch = document.createElement("canvas");
-    [swatch.width, swatch.height] = [28, 18];
-    const context = swatch.getContext("2d");
-    context.fillStyle = pattern(context, level);
-    context.fillRect(0, 0, 28, 18);
-    item.append(swatch, level.name);
-    return item;
-  }));
+// What the patterns mean, and how much of the picture has each.
+const legend = LEVELS.filter(Boolean).map((level) => {
+  const item = document.createElement("span"), swatch = document.createElement("canvas");
+  const words = document.createElement("b");
+  [swatch.width, swatch.height] = [40, 24];
+  const context = swatch.getContext("2d");
+  context.fillStyle = pattern(context, level);
+  context.fillRect(0, 0, swatch.width, swatch.height);
+  item.append(swatch, words);
+  return { level, item, words };
+});
+const lacksMap = Object.assign(document.createElement("span"), {
+  className: "lacks", textContent: "no truth map came: what may be believed is not known",
+});
+byId("legend").append(...legend.map(({ item }) => item), lacksMap);
+
+function showLegend() {
+  const { overlay, picture } = state;
+  byId("legend").hidden = !shows.overlay || !picture;
+  lacksMap.hidden = Boolean(overlay);
+  for (const { level, item, words } of legend) {
+    item.hidden = !overlay;
+    if (!overlay) continue;
+    const count = overlay.levels.filter((found) => LEVELS[found] === level).length;
+    words.textContent = `${level.name} ${Math.round((100 * count) / overlay.levels.length)} %`;
+  }
 }
 
 window.addEventListener("resize", () => { drawPicture(); drawViews(); if (state) drawPlots(); });
 setInterval(tick, 100);
-drawLegend();
 connect();
