@@ -48,6 +48,7 @@ mod coding;
 mod decoder;
 mod encoder;
 mod marks;
+mod overlay;
 mod table;
 #[cfg(feature = "inspection")]
 pub mod training;
