@@ -191,7 +191,7 @@ fn worst_of_row(columns: &[u32], down: usize, worst: &mut [f32]) {
 
 /// The last block of a row of blocks, which may be smaller than a window.
 fn last_block(columns: &[u32], down: usize, worst: &mut [f32]) {
-    if let Some((index, columns)) = columns.chunks(BLOCK as usize).enumerate().last() {
+    if let Some((index, columns)) = columns.chunks(BLOCK as usize).enumerate().next_back() {
         worst[index] = worst[index].max(rms(columns.iter().sum(), columns.len() * down));
     }
 }

@@ -105,6 +105,13 @@ impl TruthMap {
         self.levels.resize((self.columns * self.rows) as usize, TruthLevel::NotSeen as u8);
     }
 
+    /// Becomes the same as another one, in its own memory.
+    #[cfg(feature = "capi")]
+    pub(crate) fn copy(&mut self, other: &TruthMap) {
+        (self.columns, self.rows, self.thresholds) = (other.columns, other.rows, other.thresholds);
+        self.levels.clone_from(&other.levels);
+    }
+
     /// Number of blocks of a level.
     pub fn count(&self, level: TruthLevel) -> usize {
         self.levels.iter().filter(|found| **found == level as u8).count()
