@@ -45,20 +45,37 @@ impl Marks {
         Marks { columns, rows, marks: vec![Mark::default(); columns * rows] }
     }
 
-    /// The highest mark of the blocks in a cell of `side` blocks.
-    pub(super) fn of_cell(&self, column: usize, row: usize, side: usize) -> Mark {
-        let columns = column * side..((column + 1) * side).min(self.columns);
-        let rows = row * side..((row + 1) * side).min(self.rows);
-        let of_row =
-            |row: usize| self.marks[row * self.columns..][columns.clone()].iter().copied().max();
-        rows.filter_map(of_row).max().unwrap_or_default()
+    /// The mark of a block; beyond the edges as the render shows it.
+    pub(super) fn at(&self, column: isize, row: isize) -> Mark {
+        let inside = |at: isize, end: usize| usize::try_from(at).ok().filter(|at| *at < end);
+        match (inside(column, self.columns), inside(row, self.rows)) {
+            (Some(column), Some(row)) => self.marks[row * self.columns + column],
+            _ => Mark::Rendered,
+        }
     }
 
-    /// Gives all blocks of a cell a mark.
-    pub(super) fn set_cell(&mut self, column: usize, row: usize, side: usize, mark: Mark) {
-        let columns = column * side..((column + 1) * side).min(self.columns);
-        for row in row * side..((row + 1) * side).min(self.rows) {
-            self.marks[row * self.columns..][columns.clone()].fill(mark);
+    /// Becomes the cells of `side` blocks a side of other marks: a cell has the highest of its blocks' marks. Has room
+    /// for them.
+    pub(super) fn set_cells_of(&mut self, blocks: &Marks, side: usize) {
+        (self.columns, self.rows) = (blocks.columns.div_ceil(side), blocks.rows.div_ceil(side));
+        self.marks.clear();
+        self.marks.resize(self.columns * self.rows, Mark::Rendered);
+        for (row, marks) in blocks.marks.chunks_exact(blocks.columns).enumerate() {
+            let cells = &mut self.marks[row / side * self.columns..];
+            for (column, mark) in marks.iter().enumerate() {
+                let cell = &mut cells[column / side];
+                *cell = (*cell).max(*mark);
+            }
+        }
+    }
+
+    /// Gives each block the mark of its cell, of `side` blocks a side.
+    pub(super) fn set_blocks_of(&mut self, cells: &Marks, side: usize) {
+        for (row, marks) in self.marks.chunks_exact_mut(self.columns).enumerate() {
+            let cells = &cells.marks[row / side * cells.columns..];
+            for (column, mark) in marks.iter_mut().enumerate() {
+                *mark = cells[column / side];
+            }
         }
     }
 }

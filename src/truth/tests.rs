@@ -131,6 +131,23 @@ fn masked_pixels_have_no_error() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn a_map_by_which_no_block_differs_takes_three_bytes_at_most(
+        renders in proptest::collection::vec(spots(), 1..12),
+    ) {
+        let frame = grey(100);
+        let mut encoder = TruthEncoder::new(SIZE.0, SIZE.1);
+        for (number, render) in (0..).zip(&renders) {
+            let render = with_spots(render);
+            let base = Base::Render(&render);
+            let compared = Compared { frame: &frame, picture: &frame, base, mask: None };
+            prop_assert!(encoder.compare(number, &compared) <= 3);
+            prop_assert!(encoder.encode(number, 3).is_some());
+        }
+    }
+
     #[test]
     fn a_map_says_what_is_true_or_more(
         runs in proptest::collection::vec((spots(), spots(), 1..60_usize, 1..18_u32, 0..10), 1..20),
