@@ -411,8 +411,8 @@ typedef struct nvsp_encoder_options {
   // without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
   uint32_t learn;
   // Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
-  // map, of 8 % of the packet at most, or six bytes: see nvsp_decoder_get_truth. With NVSP_RESIDUAL_WEBP and with
-  // NVSP_RATE_NONE there is none.
+  // map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
+  // NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
   uint32_t no_truth;
 } nvsp_encoder_options;
 

@@ -135,8 +135,8 @@ pub struct nvsp_encoder_options {
     /// without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
     pub learn: u32,
     /// Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
-    /// map, of 8 % of the packet at most, or six bytes: see nvsp_decoder_get_truth. With NVSP_RESIDUAL_WEBP and with
-    /// NVSP_RATE_NONE there is none.
+    /// map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
+    /// NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
     pub no_truth: u32,
 }
 versioned!(nvsp_encoder_options, 80, 84);

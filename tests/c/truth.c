@@ -94,8 +94,11 @@ static void at_rate(uint32_t rate, float value, uint32_t mode) {
         size_t size = 0;
         MUST(nvsp_encode(encoder, &image, with_hint(frame == 0 ? &dive.poses[0] : NULL), bytes, sizeof bytes, &size,
                          &stats));
-        // Without a difference picture the map has a length and a check of its own.
-        CHECK(stats.truth_bytes > 0 && (stats.truth_bytes <= 10 || 100 * stats.truth_bytes <= 8 * size));
+        // 8 % of the packet or of its budget, or six bytes. Without a difference picture it has a length of its own, of
+        // one byte, and a check of four.
+        const float most = rate == NVSP_RATE_BYTES ? value : (float)size;
+        CHECK(size <= most && stats.truth_bytes > 0);
+        CHECK(stats.truth_bytes <= 6 + 5 || 100 * (float)stats.truth_bytes <= 8 * most);
         for (size_t end = size; end > stats.latent_bytes; end -= (end + 5) / 6) {
             EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, end, NVSP_DECODE_START, &place, NULL));
             const nvsp_truth truth = check_map(both.decoder, dive.pixels[frame]);
