@@ -746,7 +746,7 @@ typedef struct nvsp_decoded {
 // sides rounded up to multiples of 16.
 //
 // The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
-// device and driver.
+// device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
 //
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
 // NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
@@ -1604,7 +1604,7 @@ typedef struct nvsp_truth {
   // A block differs if a window of this size near it is off by more than that: the root of the mean squared error
   // over pixels and colours, values of 0 to 255. 0: nothing is known, and all blocks are NVSP_TRUTH_NOT_SEEN.
   float differs_above;
-  // It is wrong if one is off by more than that; or the map had no room to tell it from one that is.
+  // It is wrong if one is off by more than that.
   float wrong_above;
   // Zero.
   uint32_t reserved;
@@ -1619,7 +1619,7 @@ size_t nvsp_truth_bound(uint32_t width,
 
 // Tells how far the picture that was decoded or drawn last is from what the camera saw, block by block. Show it with
 // the picture: a prior draws what it remembers as sharply as what is there. The map never says less than what is true,
-// also if the packet was cut.
+// also if the packet was cut. It may say more of a block, if it has no room to say what is true.
 //
 // All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
 // picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if

@@ -272,7 +272,7 @@ pub extern "C" fn nvsp_decoder_reopen(
 /// sides rounded up to multiples of 16.
 ///
 /// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
-/// device and driver.
+/// device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
 /// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until

@@ -40,7 +40,7 @@ pub struct nvsp_truth {
     /// A block differs if a window of this size near it is off by more than that: the root of the mean squared error
     /// over pixels and colours, values of 0 to 255. 0: nothing is known, and all blocks are NVSP_TRUTH_NOT_SEEN.
     pub differs_above: f32,
-    /// It is wrong if one is off by more than that; or the map had no room to tell it from one that is.
+    /// It is wrong if one is off by more than that.
     pub wrong_above: f32,
     /// Zero.
     pub reserved: u32,
@@ -62,7 +62,7 @@ pub extern "C" fn nvsp_truth_bound(width: u32, height: u32) -> usize {
 
 /// Tells how far the picture that was decoded or drawn last is from what the camera saw, block by block. Show it with
 /// the picture: a prior draws what it remembers as sharply as what is there. The map never says less than what is true,
-/// also if the packet was cut.
+/// also if the packet was cut. It may say more of a block, if it has no room to say what is true.
 ///
 /// All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
 /// picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if
