@@ -49,6 +49,7 @@ mod coding;
 mod decoder;
 mod encoder;
 mod marks;
+mod overlay;
 mod table;
 #[cfg(feature = "inspection")]
 pub mod training;
@@ -103,6 +104,13 @@ impl TruthMap {
         self.thresholds = None;
         self.levels.clear();
         self.levels.resize((self.columns * self.rows) as usize, TruthLevel::NotSeen as u8);
+    }
+
+    /// Becomes the same as another one, in its own memory.
+    #[cfg(feature = "capi")]
+    pub(crate) fn copy(&mut self, other: &TruthMap) {
+        (self.columns, self.rows, self.thresholds) = (other.columns, other.rows, other.thresholds);
+        self.levels.clone_from(&other.levels);
     }
 
     /// Number of blocks of a level.

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use crate::Picture;
 use crate::image::Mask;
+use crate::random::Random;
 
 use super::marks::{Comparison, Mark, Marks};
 use super::*;
@@ -36,8 +37,9 @@ fn spots() -> impl Strategy<Value = Vec<(u32, u32, u32, u32, u8)>> {
 
 /// The worst window whose centre lies in each block, found the long way.
 fn worst_windows(frame: &Picture, shown: &Picture) -> Vec<f64> {
-    let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
+    let (width, height) = (frame.width as usize, frame.height as usize);
     let block = BLOCK as usize;
+    let (across, down) = (block.min(width), block.min(height));
     let columns = width.div_ceil(block);
     let mut worst = vec![0.0_f64; columns * height.div_ceil(block)];
     let rms = |left: usize, top: usize, right: usize, bottom: usize| {
@@ -50,10 +52,10 @@ fn worst_windows(frame: &Picture, shown: &Picture) -> Vec<f64> {
         }
         f64::sqrt(sum / count)
     };
-    for top in 0..=height - block {
-        for left in 0..=width - block {
-            let index = (top + block / 2) / block * columns + (left + block / 2) / block;
-            worst[index] = worst[index].max(rms(left, top, left + block, top + block));
+    for top in 0..=height - down {
+        for left in 0..=width - across {
+            let index = (top + down / 2) / block * columns + (left + across / 2) / block;
+            worst[index] = worst[index].max(rms(left, top, left + across, top + down));
         }
     }
     for (index, worst) in worst.iter_mut().enumerate() {
@@ -84,6 +86,30 @@ fn blocks_have_the_level_of_their_worst_window() {
         }
         let off = marks.marks.iter().filter(|mark| mark.is_off()).count();
         assert!(levels.contains(&off), "{spot:?}: {off}");
+    }
+}
+
+#[test]
+fn pictures_of_any_size_are_compared() {
+    let mut random = Random::new(3);
+    let sizes =
+        [(1, 1), (7, 5), (5, 40), (40, 5), (16, 16), (17, 16), (48, 33), (33, 48), (31, 31)];
+    for (width, height) in sizes {
+        let mut picture = || {
+            let mut picture = Picture::new(width, height);
+            picture.data.fill_with(|| random.bits() as u8);
+            picture
+        };
+        let (frame, shown) = (picture(), picture());
+        let mut comparison = Comparison::new(width, height);
+        // Twice: what was compared before does not matter.
+        comparison.worst(&shown.data, &frame.data);
+        let found = comparison.worst(&frame.data, &shown.data);
+        let expected = worst_windows(&frame, &shown);
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((f64::from(*found) - expected).abs() < 1e-3, "{width}×{height}: {found}");
+        }
     }
 }
 
