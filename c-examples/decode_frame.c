@@ -66,6 +66,24 @@ static int decode(nvsp_decoder *decoder, const uint8_t *packet, size_t size, ppm
     return 1;
 }
 
+// How much of the picture shows what the camera saw, and how much is memory.
+static void print_truth(nvsp_decoder *decoder, const ppm *picture) {
+    const size_t room = nvsp_truth_bound(picture->width, picture->height);
+    uint8_t *levels = malloc(room);
+    nvsp_truth truth;
+    size_t blocks = 0, of_level[4] = {0};
+    NVSP_INIT(&truth);
+    if (levels != NULL && nvsp_decoder_get_truth(decoder, levels, room, &blocks, &truth) == NVSP_OK) {
+        for (size_t i = 0; i < blocks; i++) {
+            of_level[levels[i]]++;
+        }
+        printf("truth           %u x %u blocks: %zu as seen, %zu different, %zu wrong, %zu not seen\n",
+               truth.columns, truth.rows, of_level[NVSP_TRUTH_AS_SEEN], of_level[NVSP_TRUTH_DIFFERS],
+               of_level[NVSP_TRUTH_WRONG], of_level[NVSP_TRUTH_NOT_SEEN]);
+    }
+    free(levels);
+}
+
 int main(int argc, char **argv) {
     if (argc != 4) {
         fputs(usage, stderr);
@@ -84,6 +102,9 @@ int main(int argc, char **argv) {
         const nvsp_status status = nvsp_decoder_create(engine, prior, &decoder);
         if (status == NVSP_OK) {
             done = decode(decoder, packet, size, &picture) && ppm_write(argv[3], &picture);
+            if (done) {
+                print_truth(decoder, &picture);
+            }
         } else {
             char text[512] = "";
             nvsp_last_error(engine, text, sizeof text);

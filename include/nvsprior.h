@@ -20,9 +20,10 @@
  *   nvsp_engine_destroy   and the engine.
  *
  * The next part has a status in words (nvsp_status_text) and the details of a failure (nvsp_last_error). The other
- * parts are for those who need them: versions, frames that are coded beside your own work, lens and mask, and both ends
- * of a link (sender, collector). nvsprior_extra.h has what few need: a Vulkan device of yours, DMA-BUFs, an allocator,
- * a list of devices, counts of the link.
+ * parts are for those who need them: versions, frames that are coded beside your own work, lens and mask, how far a
+ * picture is from what the camera saw (nvsp_decoder_get_truth), and both ends of a link (sender, collector).
+ * nvsprior_extra.h has what few need: a Vulkan device of yours, DMA-BUFs, an allocator, a list of devices, counts of
+ * the link.
  *
  * The contract of every function:
  *
@@ -409,6 +410,10 @@ typedef struct nvsp_encoder_options {
   // second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
   // without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
   uint32_t learn;
+  // Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
+  // map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
+  // NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
+  uint32_t no_truth;
 } nvsp_encoder_options;
 
 // Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
@@ -600,6 +605,10 @@ typedef struct nvsp_frame_stats {
   uint32_t frames_since_certain;
   // How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
   uint32_t reference_distance;
+  // Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
+  uint32_t truth_bytes;
+  // Zero.
+  uint32_t reserved;
 } nvsp_frame_stats;
 
 // Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
@@ -732,12 +741,12 @@ typedef struct nvsp_decoded {
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
 // yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
-// prior needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host,
+// prior needs more room on the device than any before it. It holds at most 2 MiB and 128 bytes per pixel on the host,
 // and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
 // sides rounded up to multiples of 16.
 //
 // The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
-// device and driver.
+// device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
 //
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
 // NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
@@ -1035,7 +1044,8 @@ typedef struct nvsp_memory_estimate {
   uint64_t prior_host;
   // Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
   uint64_t prior_device;
-  // Host memory of an encoder; 0 without a camera.
+  // Host memory of an encoder; 0 without a camera. The points that it knows key frames by come besides: half a MiB,
+  // and 9.6 KB for each key frame.
   uint64_t encoder_host;
   // Device memory of an encoder; 0 without a camera.
   uint64_t encoder_device;
@@ -1566,6 +1576,74 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
                                const struct nvsp_prior *prior,
                                struct nvsp_header *header) NVSP_NONNULL(1, 4);
+
+// ---- How far a picture is from what the camera saw ----
+
+// A block is as the camera saw it.
+#define NVSP_TRUTH_AS_SEEN 0
+
+// It differs from what the camera saw.
+#define NVSP_TRUTH_DIFFERS 1
+
+// It is wrong.
+#define NVSP_TRUTH_WRONG 2
+
+// Nothing is known of it: it is memory.
+#define NVSP_TRUTH_NOT_SEEN 3
+
+// What the levels of a truth map are about.
+typedef struct nvsp_truth {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Blocks in a row.
+  uint32_t columns;
+  // Rows of blocks.
+  uint32_t rows;
+  // Pixels a side of a block. Those at the right and the lower edge of the picture may be smaller.
+  uint32_t block_size;
+  // A block differs if a window of this size near it is off by more than that: the root of the mean squared error
+  // over pixels and colours, values of 0 to 255. 0: nothing is known, and all blocks are NVSP_TRUTH_NOT_SEEN.
+  float differs_above;
+  // It is wrong if one is off by more than that.
+  float wrong_above;
+  // Zero.
+  uint32_t reserved;
+} nvsp_truth;
+
+// Bytes of the truth map of a picture of this size: one for each block. 0 if no picture can have this size.
+//
+// Parameters:
+// - `width`, `height`: the picture's size, pixels.
+size_t nvsp_truth_bound(uint32_t width,
+                        uint32_t height);
+
+// Tells how far the picture that was decoded or drawn last is from what the camera saw, block by block. Show it with
+// the picture: a prior draws what it remembers as sharply as what is there. The map never says less than what is true,
+// also if the packet was cut. It may say more of a block, if it has no room to say what is true.
+//
+// All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
+// picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if
+// nvsp_decoder_draw drew the picture. A packet that is refused changes nothing: the map stays that of the picture
+// before. Never waits, and allocates nothing. Example:
+//
+//     nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
+//     status = nvsp_decoder_get_truth(decoder, levels, nvsp_truth_bound(info.width, info.height), &bytes, &truth);
+//     if (levels[y / truth.block_size * truth.columns + x / truth.block_size] == NVSP_TRUTH_WRONG) warn(x, y);
+//
+// Fails with NVSP_ERR_STATE (no picture yet), NVSP_ERR_UNFINISHED (a packet is under way) or
+// NVSP_ERR_BUFFER_TOO_SMALL.
+//
+// Parameters:
+// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each. Yours, of `size` bytes. Not NULL.
+// - `size`: bytes of `levels`; nvsp_truth_bound suffices.
+// - `written`: receives the bytes that the map takes. Not NULL.
+// - `truth`: receives what they are about, set up by NVSP_INIT. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
+                                   uint8_t *levels,
+                                   size_t size,
+                                   size_t *written,
+                                   struct nvsp_truth *truth) NVSP_NONNULL(1, 2, 4);
 
 // ---- The vehicle's end of a link ----
 

@@ -35,7 +35,7 @@ engine modem
 learning
 encoded
 frame_work
-encoder decoder
+encoder decoder doubt_view
 pipeline
 capi
 """

@@ -19,8 +19,8 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding lens_and_mask pipelined decoding threads unprotected updates shares garbage"
-programs="$programs given_device dmabuf"
+programs="structs nulls images encoding lens_and_mask pipelined decoding truth threads unprotected updates shares"
+programs="$programs garbage given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
 example_flags="-Wall -Wextra -Wpedantic -Werror -O1"
@@ -147,11 +147,11 @@ compile() {
 }
 
 c_programs() {
-    for name in $programs allocations no_memory lost_device hung_device; do
+    for name in $programs allocations held_memory no_memory lost_device hung_device; do
         compile clang clang "$name" ""
         compile programs gcc "$name" ""
     done
-    for name in $programs allocations no_memory; do
+    for name in $programs allocations held_memory no_memory; do
         "$work/programs/$name" "$scene"
     done
     # shellcheck disable=SC2086
@@ -161,7 +161,7 @@ c_programs() {
         VK_LAYER_PATH=$work/programs VK_INSTANCE_LAYERS=VK_LAYER_NVSPRIOR_lost_device \
             "$work/programs/$name" "$scene"
     done
-    echo "$programs allocations no_memory lost_device hung_device"
+    echo "$programs allocations held_memory no_memory lost_device hung_device"
 }
 
 # What docs/c-libraries.md states: time of the calling thread, of a poll, size, allocations.

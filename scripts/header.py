@@ -23,6 +23,7 @@ HEADERS = {
         "Encoders": "encoding encoder",
         "What an encoder's camera sees": "lens",
         "Decoders": "decoder",
+        "How far a picture is from what the camera saw": "truth",
         "The vehicle's end of a link": "sender",
         "The topside's end of a link": "collector",
     },

@@ -83,7 +83,7 @@ impl Default for EncoderOptions {
             check_interval: 0,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
-            truth: false,
+            truth: true,
             frames_treated: false,
         }
     }
@@ -266,7 +266,7 @@ impl Encoder {
         self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
-        self.coders = Coders::new(&self.residual_setup(), has_truth(&self.options));
+        self.coders.begin_streams(&self.residual_setup());
         #[cfg(feature = "training")]
         self.go_on_learning();
         Ok(())

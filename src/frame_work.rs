@@ -302,6 +302,11 @@ impl Coders {
         let truth = has_truth.then(|| TruthEncoder::new(setup.width, setup.height));
         Coders { residual: ResidualEncoder::new(setup), truth }
     }
+
+    /// Forgets what difference pictures may be predicted from. Truth maps go on.
+    pub fn begin_streams(&mut self, setup: &ResidualSetup) {
+        self.residual = ResidualEncoder::new(setup);
+    }
 }
 
 /// Codes frames. Keeps the coders for as long as frames ask for the same.

@@ -49,6 +49,7 @@ pub mod truth;
 pub mod vulkan;
 
 mod decoder;
+mod doubt_view;
 mod encoded;
 mod encoder;
 mod engine;
@@ -63,6 +64,7 @@ use nvsprior_kernels::training;
 use nvsprior_kernels::{block_table, portable, search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};
+pub use doubt_view::{DoubtLevel, DoubtMap, DoubtView};
 pub use encoded::{Encoded, FrameStats, packet_bound};
 pub use encoder::{Encoder, EncoderOptions};
 pub use engine::Engine;

@@ -48,22 +48,14 @@ impl DiveFile {
         self.chain.updates().iter().map(Update::to_bytes).collect()
     }
 
-    /// Adds an update and writes the file. Updates behind the state that it stands on go: the vehicle has begun anew
-    /// from there. One that is there already changes nothing.
+    /// Takes an update, see [`UpdateChain::take`], and writes the file if that changes what is kept. If it cannot be
+    /// written, nothing is kept: the update may come again.
     pub fn add(&mut self, update: Update) -> Result<(), UpdateError> {
-        let updates = self.chain.updates();
-        if updates.contains(&update) {
-            return Ok(());
+        let mut chain = self.chain.clone();
+        if chain.take(update)? {
+            chain.save(&self.path)?;
+            self.chain = chain;
         }
-        let base = updates.iter().position(|there| there.state() == update.before);
-        let kept = base.map_or(0, |base| base + 1);
-        let mut chain = UpdateChain::none(self.chain.learnt().prior());
-        for before in &updates[..kept] {
-            chain.add(before.clone())?;
-        }
-        chain.add(update)?;
-        chain.save(&self.path)?;
-        self.chain = chain;
         Ok(())
     }
 }

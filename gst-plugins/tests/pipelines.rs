@@ -19,6 +19,7 @@ const SECOND: gst::ClockTime = gst::ClockTime::SECOND;
 fn by_library(options: EncoderOptions) -> Vec<nvsprior::Encoded> {
     let engine = common::engine();
     let scene = engine.upload(&wall(1)).unwrap();
+    let options = EncoderOptions { truth: true, ..options };
     let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
     let frames = fixture().frames.iter().enumerate();
     frames

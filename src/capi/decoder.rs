@@ -6,6 +6,7 @@ use std::time::Duration;
 use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
 use crate::prior::CoordinateFrame;
 use crate::queue::{Lost, Queue};
+use crate::truth::TruthMap;
 use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
@@ -41,6 +42,8 @@ pub(super) struct Core {
     decoder: Decoder,
     /// What nvsp_decoder_draw drew last.
     drawn: Picture,
+    /// What is known of the picture that was decoded or drawn last; `None`: there was none yet.
+    truth: Option<TruthMap>,
     limits: Limits,
 }
 
@@ -55,7 +58,7 @@ struct PacketWork {
 
 impl Decoding {
     fn new(decoder: Decoder, limits: Limits, start: ThreadStart) -> Decoding {
-        let core = Core { decoder, drawn: Picture::default(), limits };
+        let core = Core { decoder, drawn: Picture::default(), truth: None, limits };
         let core = Arc::new(Mutex::new(core));
         let work = PacketWork {
             bytes: Vec::new(),
@@ -85,6 +88,15 @@ impl Decoding {
         let mut core = self.core()?;
         let Core { decoder, limits, .. } = &mut *core;
         change(decoder, limits)
+    }
+
+    /// Gives `fetch` what is known of the picture that was decoded or drawn last.
+    pub(super) fn with_truth<T>(
+        &self,
+        fetch: impl FnOnce(&TruthMap) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let core = self.core()?;
+        fetch(core.truth.as_ref().ok_or(Failure::at(NVSP_ERR_STATE, "no packet was decoded"))?)
     }
 
     fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
@@ -255,12 +267,12 @@ pub extern "C" fn nvsp_decoder_reopen(
 
 /// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
 /// yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
-/// prior needs more room on the device than any before it. It holds at most 2 MiB and 64 bytes per pixel on the host,
+/// prior needs more room on the device than any before it. It holds at most 2 MiB and 128 bytes per pixel on the host,
 /// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
 /// sides rounded up to multiples of 16.
 ///
 /// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
-/// device and driver.
+/// device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
 /// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
@@ -391,8 +403,9 @@ pub extern "C" fn nvsp_decoder_draw(
         let _memory = (!same).then(|| core.limits.decoder(size)).transpose()?;
         core.drawn.resize(camera.width, camera.height);
         image::check_place(&core.drawn, picture)?;
-        let Core { decoder, drawn, .. } = &mut *core;
+        let Core { decoder, drawn, truth, .. } = &mut *core;
         decoder.draw(&pose, drawn)?;
+        truth.get_or_insert_default().reset(camera.width, camera.height);
         image::write(drawn, picture)?;
         Ok(NVSP_OK)
     })
@@ -476,13 +489,16 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
 
 /// The worker of the queue.
 fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
-    let (Core { decoder, limits, .. }, PacketWork { bytes, parsed, trust, decoded }) = (core, work);
+    let Core { decoder, limits, truth, .. } = core;
+    let PacketWork { bytes, parsed, trust, decoded } = work;
     let parsed = parsed.as_ref().map_err(|error| Error::from(error.clone()))?;
     let size = decoder.size_to_prepare(parsed);
     let _memory = size.map(|size| limits.decoder(size)).transpose()?;
     let size = decoder.stream_to_prepare(parsed);
     let _stream = size.map(|size| limits.stream(size)).transpose()?;
-    Ok(decoder.decode_parsed(parsed, bytes, *trust, decoded)?)
+    decoder.decode_parsed(parsed, bytes, *trust, decoded)?;
+    truth.get_or_insert_default().copy(&decoded.truth);
+    Ok(())
 }
 
 /// Reads a packet and copies it to its slot.

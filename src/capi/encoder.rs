@@ -134,8 +134,12 @@ pub struct nvsp_encoder_options {
     /// second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
     /// without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
     pub learn: u32,
+    /// Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
+    /// map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
+    /// NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
+    pub no_truth: u32,
 }
-versioned!(nvsp_encoder_options, 80);
+versioned!(nvsp_encoder_options, 80, 84);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -220,8 +224,12 @@ pub struct nvsp_frame_stats {
     pub frames_since_certain: u32,
     /// How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
     pub reference_distance: u32,
+    /// Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
+    pub truth_bytes: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_frame_stats, 192);
+versioned!(nvsp_frame_stats, 192, 200);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
@@ -251,7 +259,8 @@ pub extern "C" fn nvsp_encoder_create(
         let (pipelined, learn) = (options.pipelined != 0, options.learn);
         let options = encoder_options(&options)?;
         let stream = options.mode != Mode::Intra;
-        let limits = Limits { stream, learns: learn > 0, ..engine.how.limits };
+        let key_frames = scene.key_frames().poses().len();
+        let limits = Limits { stream, learns: learn > 0, key_frames, ..engine.how.limits };
         let _memory =
             if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
         let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
@@ -269,6 +278,7 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
     let mut made = EncoderOptions {
         rate: rate(options.rate, options.rate_value, RATE)?,
         first_frame: options.first_frame,
+        truth: options.no_truth == 0,
         ..EncoderOptions::default()
     };
     made.refine.optimizer = match options.optimizer {
@@ -791,6 +801,7 @@ fn write(
         reference_distance: stats
             .reference
             .map_or(0, |reference| stats.frame.wrapping_sub(reference)),
+        truth_bytes: stats.truth_bytes as u32,
         ..zeroed()
     });
     Ok(())

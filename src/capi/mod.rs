@@ -30,6 +30,7 @@ mod statistics;
 mod status;
 mod structs;
 mod thread;
+mod truth;
 mod updates;
 mod version;
 mod vulkan;

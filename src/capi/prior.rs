@@ -138,7 +138,8 @@ pub struct nvsp_memory_estimate {
     pub prior_host: u64,
     /// Device memory of the prior; while it is opened, as much again if the device has a memory of its own.
     pub prior_device: u64,
-    /// Host memory of an encoder; 0 without a camera.
+    /// Host memory of an encoder; 0 without a camera. The points that it knows key frames by come besides: half a MiB,
+    /// and 9.6 KB for each key frame.
     pub encoder_host: u64,
     /// Device memory of an encoder; 0 without a camera.
     pub encoder_device: u64,

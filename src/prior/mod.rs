@@ -8,6 +8,7 @@ pub mod compact;
 #[cfg(feature = "formats")]
 mod compressed_ply;
 mod coordinate_frame;
+mod doubt;
 mod error;
 mod fault;
 mod file;
@@ -35,6 +36,7 @@ pub mod update;
 pub use check::Dropped;
 pub use claims::PriorClaims;
 pub use coordinate_frame::CoordinateFrame;
+pub use doubt::Doubt;
 pub use error::PriorError;
 pub use fault::{Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};
 pub use file_content::PriorFile;

@@ -5,34 +5,6 @@ use crate::range_coder::{Bits, Probability};
 use super::marks::{Mark, Marks};
 use super::table::{OFF, TAKES, WRONG};
 
-/// How a map is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Form {
-    /// Blocks along a side of a cell: 1, 2 or 4.
-    pub side: usize,
-    /// It tells no block that the render shows from one that the difference picture mends.
-    pub whole: bool,
-}
-
-/// A grid of cells.
-struct Cells<'a> {
-    marks: &'a Marks,
-    side: usize,
-}
-
-impl Cells<'_> {
-    /// Beyond the edges as the render shows it.
-    fn at(&self, column: isize, row: isize) -> Mark {
-        let columns = self.marks.columns.div_ceil(self.side);
-        let rows = self.marks.rows.div_ceil(self.side);
-        let inside = |at: isize, end: usize| usize::try_from(at).ok().filter(|at| *at < end);
-        match (inside(column, columns), inside(row, rows)) {
-            (Some(column), Some(row)) => self.marks.of_cell(column, row, self.side),
-            _ => Mark::Rendered,
-        }
-    }
-}
-
 /// Which chances a cell's bits have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contexts {
@@ -42,7 +14,7 @@ pub struct Contexts {
 }
 
 /// The contexts of a cell, from the cells before it and those of the map before.
-fn contexts(now: &Cells, before: Option<&Cells>, column: usize, row: usize) -> Contexts {
+pub fn contexts(now: &Marks, before: Option<&Marks>, column: usize, row: usize) -> Contexts {
     let (x, y) = (column as isize, row as isize);
     let [left, above] = [now.at(x - 1, y), now.at(x, y - 1)];
     let [above_left, above_right] = [now.at(x - 1, y - 1), now.at(x + 1, y - 1)];
@@ -70,29 +42,21 @@ fn contexts(now: &Cells, before: Option<&Cells>, column: usize, row: usize) -> C
     }
 }
 
-/// Codes all cells of a map. A writer finds its marks in `marks`; a reader puts them there. `before`: the map that it
-/// is predicted from. Each bit and its contexts are also given to `told`.
-pub fn code(
-    coder: &mut impl Bits,
-    form: Form,
-    before: Option<&Marks>,
-    marks: &mut Marks,
-    mut told: impl FnMut(Contexts, Mark),
-) {
-    let Form { side, whole } = form;
-    let before = before.map(|marks| Cells { marks, side });
-    for row in 0..marks.rows.div_ceil(side) {
-        for column in 0..marks.columns.div_ceil(side) {
-            let known = marks.of_cell(column, row, side);
-            let at = contexts(&Cells { marks, side }, before.as_ref(), column, row);
-            let mark = code_mark(coder, whole, at, known);
-            marks.set_cell(column, row, side, mark);
-            told(at, mark);
+/// Codes all cells of a map. A writer finds their marks in `cells`; a reader puts them there. `before`: those of the
+/// map that it is predicted from. `whole`: it tells no cell that the render shows from one that the difference picture
+/// mends.
+pub fn code(coder: &mut impl Bits, whole: bool, before: Option<&Marks>, cells: &mut Marks) {
+    for row in 0..cells.rows {
+        for column in 0..cells.columns {
+            let index = row * cells.columns + column;
+            let at = contexts(cells, before, column, row);
+            cells.marks[index] = code_mark(coder, whole, at, cells.marks[index]);
         }
     }
 }
 
-fn code_mark(coder: &mut impl Bits, whole: bool, at: Contexts, known: Mark) -> Mark {
+/// Codes a cell's mark, and returns it.
+pub fn code_mark(coder: &mut impl Bits, whole: bool, at: Contexts, known: Mark) -> Mark {
     let mut bit = |one: Probability, known: bool| coder.bit(one, known);
     if bit(OFF[at.off], known.is_off()) {
         let wrong = bit(WRONG[at.wrong], known == Mark::Wrong);

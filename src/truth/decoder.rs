@@ -3,13 +3,15 @@
 use crate::packet::{Latent, truth as layout};
 use crate::range_coder::WholeReader;
 
-use super::coding::{Form, code};
+use super::coding::code;
 use super::marks::{Comparison, Mark, Marks, RENDERED};
 use super::{THRESHOLDS, TruthLevel, TruthMap};
 
 /// Reads the truth maps of pictures of one size, in memory of its own.
 pub struct TruthDecoder {
     marks: Marks,
+    /// Cells of a map and of the one before, as they are read.
+    cells: [Marks; 2],
     /// What the last map said, and of which frame.
     last: Marks,
     last_frame: Option<u32>,
@@ -33,8 +35,17 @@ impl TruthDecoder {
     pub fn new(width: u32, height: u32) -> TruthDecoder {
         let marks = Marks::new(width, height);
         let (last, before) = (marks.clone(), marks.clone());
+        let cells = [marks.clone(), marks.clone()];
         let comparison = Comparison::new(width, height);
-        TruthDecoder { marks, last, before, last_frame: None, frame_before: None, comparison }
+        TruthDecoder {
+            marks,
+            cells,
+            last,
+            before,
+            last_frame: None,
+            frame_before: None,
+            comparison,
+        }
     }
 
     /// Reads the map of a frame into `map`, whose size is that of the pictures. If the map cannot be read, all is not
@@ -94,9 +105,12 @@ impl TruthDecoder {
             return None;
         }
         let mut coder = WholeReader::new(&bytes[coded]);
-        self.marks.marks.fill(Mark::Rendered);
-        let before = predicted.then_some(&self.last);
-        code(&mut coder, Form { side, whole }, before, &mut self.marks, |_, _| ());
+        let [cells, before] = &mut self.cells;
+        // It gives the cells their number. Their marks are then read, one by one.
+        cells.set_cells_of(&self.marks, side);
+        before.set_cells_of(&self.last, side);
+        code(&mut coder, whole, predicted.then_some(before), cells);
+        self.marks.set_blocks_of(cells, side);
         Some(thresholds)
     }
 }

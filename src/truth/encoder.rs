@@ -6,20 +6,17 @@ use crate::packet::truth as layout;
 use crate::range_coder::RangeEncoder;
 
 use super::THRESHOLDS;
-use super::coding::{Form, code};
+use super::choice::{Choice, MENDED_HARM};
 use super::marks::{Comparison, Mark, Marks};
 
 /// After so many predicted maps comes one that is predicted from none: what a loss has spoiled ends there.
 const PREDICTED: u32 = 7;
-/// The forms that are tried, in this order, until one is short enough.
-const FORMS: [Form; 6] = [
-    Form { side: 1, whole: false },
-    Form { side: 1, whole: true },
-    Form { side: 2, whole: false },
-    Form { side: 2, whole: true },
-    Form { side: 4, whole: false },
-    Form { side: 4, whole: true },
-];
+/// What a block that is said to differ, but is as seen, may cost to say right, bits.
+const PRICE: f32 = 8.0;
+/// If a map is too long, that is halved so often at most.
+const HALVINGS: u32 = 6;
+/// Most bytes of a map by which no block differs.
+const RIGHT: usize = 3;
 /// Most frames between a map and the one that it is predicted from.
 const FARTHEST: u32 = 15;
 /// Number of the thresholds.
@@ -46,6 +43,17 @@ pub enum Base<'a> {
     Unknown,
 }
 
+/// How a map is written.
+#[derive(Clone, Copy)]
+struct Form {
+    /// Blocks along a side of a cell: 1, 2 or 4.
+    side: usize,
+    /// It tells no block that the render shows from one that the difference picture mends.
+    whole: bool,
+    /// Frames since the map that it is predicted from; 0: from none.
+    distance: u32,
+}
+
 /// Writes the truth maps of pictures of one size, in memory of its own.
 pub struct TruthEncoder {
     comparison: Comparison,
@@ -55,12 +63,15 @@ pub struct TruthEncoder {
     said: Marks,
     /// What the last map said, and of which frame.
     before: Marks,
+    choice: Choice,
     last: Option<u32>,
     /// Maps since the last one that was predicted from none.
     predicted: u32,
-    /// Bytes that the finest map of the last frame took.
+    /// Bytes that the best map of the last frame took.
     needed: usize,
+    /// The best map, and the one that is tried.
     bytes: Vec<u8>,
+    tried: Vec<u8>,
     coded: Vec<u8>,
 }
 
@@ -71,6 +82,7 @@ impl TruthEncoder {
         let room = 4 * marks.marks.len() + 16;
         TruthEncoder {
             comparison: Comparison::new(width, height),
+            choice: Choice::new(&marks),
             said: marks.clone(),
             before: marks.clone(),
             marks,
@@ -78,11 +90,12 @@ impl TruthEncoder {
             predicted: 0,
             needed: 1,
             bytes: Vec::with_capacity(room),
+            tried: Vec::with_capacity(room),
             coded: Vec::with_capacity(room),
         }
     }
 
-    /// Bytes that the finest map of the last frame took.
+    /// Bytes that the best map of the last frame took.
     pub fn needed(&self) -> usize {
         self.needed
     }
@@ -92,13 +105,12 @@ impl TruthEncoder {
         self.last = None;
     }
 
-    /// Compares the pictures of a frame, and writes the finest map. Returns how many bytes it takes.
+    /// Compares the pictures of a frame. Returns how many bytes the best map takes.
     pub fn compare(&mut self, number: u32, compared: &Compared) -> usize {
         self.mark(compared);
-        match self.plain() {
-            Some(whole) => self.write_plain(whole),
-            None => self.write(FORMS[0], self.distance(number)),
-        }
+        let differs = self.marks.marks.iter().any(|mark| mark.is_off());
+        let limit = if differs { layout::MAX_LEN } else { RIGHT };
+        self.find(self.distance(number), limit);
         self.needed = self.bytes.len();
         self.needed
     }
@@ -106,14 +118,7 @@ impl TruthEncoder {
     /// Writes the map of the frame that was compared last, in `limit` bytes at most; `None`: there is no room for any.
     pub fn encode(&mut self, number: u32, limit: usize) -> Option<&[u8]> {
         let distance = self.distance(number);
-        // The finest one is there already.
-        let mut coarser = FORMS[1..].iter();
-        while self.bytes.len() > limit
-            && let Some(form) = coarser.next()
-        {
-            self.write(*form, distance);
-        }
-        if self.bytes.len() > limit {
+        if self.bytes.len() > limit && !self.find(distance, limit) {
             self.last = None;
             return None;
         }
@@ -123,6 +128,45 @@ impl TruthEncoder {
         Some(&self.bytes)
     }
 
+    /// Finds the best map of at most `limit` bytes. Whether there is one.
+    fn find(&mut self, distance: u32, limit: usize) -> bool {
+        let mut best = self.plain().map(|(whole, harm)| {
+            self.write_plain(whole);
+            8.0 + PRICE * harm
+        });
+        best = best.filter(|_| self.bytes.len() <= limit);
+        for side in [1, 2, 4] {
+            self.choice.prepare(&self.marks, &self.before, side);
+            for whole in [false, true] {
+                best = self.find_in(Form { side, whole, distance }, limit, best);
+            }
+        }
+        best.is_some()
+    }
+
+    /// Keeps the best map of a form, if it is short enough and costs less than `best`. Returns what the best one costs.
+    fn find_in(&mut self, form: Form, limit: usize, best: Option<f32>) -> Option<f32> {
+        let mut price = PRICE;
+        for _ in 0..=HALVINGS {
+            let harm = self.choice.choose(form.whole, form.distance > 0, price);
+            if best.is_some_and(|best| PRICE * harm >= best) {
+                break;
+            }
+            self.write(form);
+            if self.tried.len() <= limit {
+                let cost = 8.0 * self.tried.len() as f32 + PRICE * harm;
+                if best.is_some_and(|best| cost >= best) {
+                    break;
+                }
+                std::mem::swap(&mut self.bytes, &mut self.tried);
+                self.said.set_blocks_of(&self.choice.cells, form.side);
+                return Some(cost);
+            }
+            price /= 2.0;
+        }
+        best
+    }
+
     /// How many frames before the map came that the next one is predicted from; 0: it is predicted from none.
     fn distance(&self, number: u32) -> u32 {
         let distance = self.last.map_or(0, |last| number.wrapping_sub(last));
@@ -130,13 +174,14 @@ impl TruthEncoder {
         if near { distance } else { 0 }
     }
 
-    /// Whether all blocks are as seen, and then whether only the whole packet shows that.
-    fn plain(&self) -> Option<bool> {
-        let same = |mark: Mark| self.marks.marks.iter().all(|found| *found == mark);
-        match () {
-            () if same(Mark::Rendered) => Some(false),
-            () if same(Mark::Mended) => Some(true),
-            () => None,
+    /// If all blocks are as seen: whether only the whole packet shows that, and the harm of saying so.
+    fn plain(&self) -> Option<(bool, f32)> {
+        let of = |mark: Mark| self.marks.marks.iter().filter(|found| **found == mark).count();
+        let (rendered, all) = (of(Mark::Rendered), self.marks.marks.len());
+        match rendered + of(Mark::Mended) == all {
+            true if rendered == all => Some((false, 0.0)),
+            true => Some((true, MENDED_HARM * rendered as f32)),
+            false => None,
         }
     }
 
@@ -157,25 +202,25 @@ impl TruthEncoder {
 
     /// Writes that all blocks are as seen.
     fn write_plain(&mut self, whole: bool) {
-        self.said.marks.copy_from_slice(&self.marks.marks);
+        self.said.marks.fill(if whole { Mark::Mended } else { Mark::Rendered });
         self.bytes.clear();
         self.bytes.push(LEVELS << 6 | u8::from(whole) << 5);
     }
 
-    /// Writes the map in a form, predicted from the one of so many frames before; 0: from none.
-    fn write(&mut self, form: Form, distance: u32) {
-        self.said.marks.copy_from_slice(&self.marks.marks);
+    /// Writes the marks that were chosen to `tried`.
+    fn write(&mut self, form: Form) {
+        let Form { side, whole, distance } = form;
         self.coded.clear();
         let mut coder = RangeEncoder::new(&mut self.coded, layout::MAX_LEN);
-        let before = (distance > 0).then_some(&self.before);
-        code(&mut coder, form, before, &mut self.said, |_, _| ());
+        let predicted = distance > 0;
+        self.choice.code(&mut coder, whole, predicted);
         // There is always room.
         coder.finish();
-        let side = form.side.trailing_zeros() as u8 + 1;
-        let flags = u8::from(distance > 0) << 4 | u8::from(form.whole) << 5;
-        self.bytes.clear();
-        self.bytes.push(LEVELS << 6 | flags | side << 2);
-        layout::write_len((distance as u8) << 4, self.coded.len(), &mut self.bytes);
-        self.bytes.extend_from_slice(&self.coded);
+        let fineness = side.trailing_zeros() as u8 + 1;
+        let flags = u8::from(predicted) << 4 | u8::from(whole) << 5;
+        self.tried.clear();
+        self.tried.push(LEVELS << 6 | flags | fineness << 2);
+        layout::write_len((distance as u8) << 4, self.coded.len(), &mut self.tried);
+        self.tried.extend_from_slice(&self.coded);
     }
 }

@@ -45,29 +45,46 @@ impl Marks {
         Marks { columns, rows, marks: vec![Mark::default(); columns * rows] }
     }
 
-    /// The highest mark of the blocks in a cell of `side` blocks.
-    pub(super) fn of_cell(&self, column: usize, row: usize, side: usize) -> Mark {
-        let columns = column * side..((column + 1) * side).min(self.columns);
-        let rows = row * side..((row + 1) * side).min(self.rows);
-        let of_row =
-            |row: usize| self.marks[row * self.columns..][columns.clone()].iter().copied().max();
-        rows.filter_map(of_row).max().unwrap_or_default()
+    /// The mark of a block; beyond the edges as the render shows it.
+    pub(super) fn at(&self, column: isize, row: isize) -> Mark {
+        let inside = |at: isize, end: usize| usize::try_from(at).ok().filter(|at| *at < end);
+        match (inside(column, self.columns), inside(row, self.rows)) {
+            (Some(column), Some(row)) => self.marks[row * self.columns + column],
+            _ => Mark::Rendered,
+        }
     }
 
-    /// Gives all blocks of a cell a mark.
-    pub(super) fn set_cell(&mut self, column: usize, row: usize, side: usize, mark: Mark) {
-        let columns = column * side..((column + 1) * side).min(self.columns);
-        for row in row * side..((row + 1) * side).min(self.rows) {
-            self.marks[row * self.columns..][columns.clone()].fill(mark);
+    /// Becomes the cells of `side` blocks a side of other marks: a cell has the highest of its blocks' marks. Has room
+    /// for them.
+    pub(super) fn set_cells_of(&mut self, blocks: &Marks, side: usize) {
+        (self.columns, self.rows) = (blocks.columns.div_ceil(side), blocks.rows.div_ceil(side));
+        self.marks.clear();
+        self.marks.resize(self.columns * self.rows, Mark::Rendered);
+        for (row, marks) in blocks.marks.chunks_exact(blocks.columns).enumerate() {
+            let cells = &mut self.marks[row / side * self.columns..];
+            for (column, mark) in marks.iter().enumerate() {
+                let cell = &mut cells[column / side];
+                *cell = (*cell).max(*mark);
+            }
+        }
+    }
+
+    /// Gives each block the mark of its cell, of `side` blocks a side.
+    pub(super) fn set_blocks_of(&mut self, cells: &Marks, side: usize) {
+        for (row, marks) in self.marks.chunks_exact_mut(self.columns).enumerate() {
+            let cells = &cells.marks[row / side * cells.columns..];
+            for (column, mark) in marks.iter_mut().enumerate() {
+                *mark = cells[column / side];
+            }
         }
     }
 }
 
-/// Compares pictures of one size, in memory of its own.
+/// Compares pictures of one size, in memory of its own: four bytes for each column and eight for each block.
 pub(super) struct Comparison {
     size: [usize; 2],
-    /// Sums of squared differences over all pixels above and left, modulo 2³²: a window's sum is less.
-    sums: Vec<u32>,
+    /// Sums of squared differences in each column, over the rows of a window.
+    columns: Vec<u32>,
     /// The worst windows of each block, RMS: of the picture, and of the render.
     worst: [Vec<f32>; 2],
 }
@@ -76,8 +93,11 @@ impl Comparison {
     pub fn new(width: u32, height: u32) -> Comparison {
         let blocks = Marks::new(width, height).marks.len();
         let size = [width, height].map(|side| side as usize);
-        let sums = vec![0; (size[0] + 1) * (size[1] + 1)];
-        Comparison { size, sums, worst: [vec![0.0; blocks], vec![0.0; blocks]] }
+        Comparison {
+            size,
+            columns: vec![0; size[0]],
+            worst: [vec![0.0; blocks], vec![0.0; blocks]],
+        }
     }
 
     /// Marks what the topside's picture and the render show of a frame.
@@ -109,54 +129,91 @@ impl Comparison {
         &self.worst[0]
     }
 
-    /// Finds the worst windows.
+    /// Finds the worst windows. Rows enter the sums and leave them one by one.
     fn compare(&mut self, frame: &[u8], shown: &[u8], mask: Option<&Mask>, which: usize) {
-        self.sum_up(frame, shown, mask);
         let [width, height] = self.size;
         let block = BLOCK as usize;
-        let columns = width.div_ceil(block);
-        let Comparison { sums, worst, .. } = self;
+        let down = block.min(height);
+        let rows = Rows { pixels: [frame, shown], mask, width };
+        let Comparison { columns: sums, worst, .. } = self;
         let worst = &mut worst[which];
         worst.fill(0.0);
-        let stride = width + 1;
-        let rms = |[left, top, right, bottom]: [usize; 4]| {
-            let corners = sums[bottom * stride + right].wrapping_add(sums[top * stride + left]);
-            let others = sums[top * stride + right].wrapping_add(sums[bottom * stride + left]);
-            let sum = corners.wrapping_sub(others);
-            (sum as f32 / (3 * (right - left) * (bottom - top)) as f32).sqrt()
-        };
-        let (across, down) = (block.min(width), block.min(height));
-        for top in 0..=height - down {
-            let row = (top + down / 2) / block * columns;
-            for left in 0..=width - across {
-                let index = row + (left + across / 2) / block;
-                worst[index] = worst[index].max(rms([left, top, left + across, top + down]));
+        sums.fill(0);
+        for y in 0..height {
+            rows.each(y, sums, |sum, off| *sum += off);
+            if y >= down {
+                rows.each(y - down, sums, |sum, off| *sum -= off);
             }
-        }
-        // Blocks at the edges that are smaller than a window.
-        for (index, worst) in worst.iter_mut().enumerate() {
-            let (left, top) = (index % columns * block, index / columns * block);
-            let (right, bottom) = ((left + block).min(width), (top + block).min(height));
-            *worst = worst.max(rms([left, top, right, bottom]));
-        }
-    }
-
-    fn sum_up(&mut self, frame: &[u8], shown: &[u8], mask: Option<&Mask>) {
-        let width = self.size[0];
-        let stride = width + 1;
-        let rows = frame.chunks_exact(3 * width).zip(shown.chunks_exact(3 * width));
-        for (y, (seen, shown)) in rows.enumerate() {
-            let (before, after) = self.sums.split_at_mut((y + 1) * stride);
-            let above = &before[y * stride..];
-            let mut sum = 0_u32;
-            let pixels = seen.as_chunks::<3>().0.iter().zip(shown.as_chunks::<3>().0);
-            for (x, (seen, shown)) in pixels.enumerate() {
-                if mask.is_none_or(|mask| mask.data[y * width + x]) {
-                    let off = |c: usize| u32::from(seen[c].abs_diff(shown[c])).pow(2);
-                    sum = sum.wrapping_add(off(0) + off(1) + off(2));
+            if y + 1 >= down {
+                let top = y + 1 - down;
+                let row = (top + down / 2) / block * width.div_ceil(block);
+                worst_of_row(sums, down, &mut worst[row..]);
+                if top.is_multiple_of(block) {
+                    last_block(sums, down, &mut worst[row..]);
                 }
-                after[x + 1] = above[x + 1].wrapping_add(sum);
+            }
+        }
+        // Blocks at the lower edge that are smaller than a window.
+        let last = height / block * block;
+        if (1..height).contains(&last) {
+            (height - down..last).for_each(|y| rows.each(y, sums, |sum, off| *sum -= off));
+            let row = last / block * width.div_ceil(block);
+            for (sums, worst) in sums.chunks(block).zip(&mut worst[row..]) {
+                *worst = worst.max(rms(sums.iter().sum(), sums.len() * (height - last)));
             }
         }
     }
+}
+
+/// Two pictures row by row.
+struct Rows<'a> {
+    pixels: [&'a [u8]; 2],
+    mask: Option<&'a Mask>,
+    width: usize,
+}
+
+impl Rows<'_> {
+    /// Gives `change` the sum and the squared difference of each pixel in a row that counts.
+    fn each(&self, y: usize, sums: &mut [u32], change: impl Fn(&mut u32, u32)) {
+        let row = y * self.width..(y + 1) * self.width;
+        let [seen, shown] = self.pixels.map(|pixels| &pixels.as_chunks::<3>().0[row.clone()]);
+        let mask = self.mask.map(|mask| &mask.data[row]);
+        for (x, (sum, (seen, shown))) in sums.iter_mut().zip(seen.iter().zip(shown)).enumerate() {
+            if mask.is_none_or(|mask| mask[x]) {
+                let off = |c: usize| u32::from(seen[c].abs_diff(shown[c])).pow(2);
+                change(sum, off(0) + off(1) + off(2));
+            }
+        }
+    }
+}
+
+/// Finds the worst windows of a row of them, from the sums of their columns. `worst`: of the blocks that they lie in.
+fn worst_of_row(columns: &[u32], down: usize, worst: &mut [f32]) {
+    let block = BLOCK as usize;
+    let across = block.min(columns.len());
+    let mut note = |block: usize, sum| worst[block] = worst[block].max(rms(sum, across * down));
+    let mut sum: u32 = columns[..across].iter().sum();
+    let (mut index, mut greatest) = (0, sum);
+    for left in 1..=columns.len() - across {
+        sum = sum + columns[left + across - 1] - columns[left - 1];
+        let next = (left + across / 2) / block;
+        if next != index {
+            note(index, greatest);
+            (index, greatest) = (next, 0);
+        }
+        greatest = greatest.max(sum);
+    }
+    note(index, greatest);
+}
+
+/// The last block of a row of blocks, which may be smaller than a window.
+fn last_block(columns: &[u32], down: usize, worst: &mut [f32]) {
+    if let Some((index, columns)) = columns.chunks(BLOCK as usize).enumerate().next_back() {
+        worst[index] = worst[index].max(rms(columns.iter().sum(), columns.len() * down));
+    }
+}
+
+/// From a sum of squared differences of so many pixels.
+fn rms(sum: u32, pixels: usize) -> f32 {
+    (sum as f32 / (3 * pixels) as f32).sqrt()
 }

@@ -12,8 +12,8 @@
 //! | 2 | wrong | some window is off by more than the second threshold, or the map was too coarse to say less |
 //! | 3 | not seen | nothing is known: no map came, or the difference picture that it is about did not |
 //!
-//! A map never says less than what is true. If it is too long for its packet, several blocks share a cell of the map:
-//! the cell has the highest of their levels.
+//! A map never says less than what is true. It says more of a block if that saves enough bytes: see [`choice`]. If it
+//! is still too long for its packet, several blocks share a cell of the map, which has the highest of their levels.
 //!
 //! **A packet that is cut.** The map is in front of the difference picture. If the end of that is missing, the picture
 //! is another than the one that was compared. So each block that is as seen has a *mark*: whether the render alone, the
@@ -44,10 +44,12 @@
 //!
 //! If the last map that is held is not the one that a map is predicted from, the map is lost: all blocks are not seen.
 
+mod choice;
 mod coding;
 mod decoder;
 mod encoder;
 mod marks;
+mod overlay;
 mod table;
 #[cfg(feature = "inspection")]
 pub mod training;
@@ -102,6 +104,13 @@ impl TruthMap {
         self.thresholds = None;
         self.levels.clear();
         self.levels.resize((self.columns * self.rows) as usize, TruthLevel::NotSeen as u8);
+    }
+
+    /// Becomes the same as another one, in its own memory.
+    #[cfg(feature = "capi")]
+    pub(crate) fn copy(&mut self, other: &TruthMap) {
+        (self.columns, self.rows, self.thresholds) = (other.columns, other.rows, other.thresholds);
+        self.levels.clone_from(&other.levels);
     }
 
     /// Number of blocks of a level.

@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use crate::Picture;
 use crate::image::Mask;
+use crate::random::Random;
 
 use super::marks::{Comparison, Mark, Marks};
 use super::*;
@@ -36,8 +37,9 @@ fn spots() -> impl Strategy<Value = Vec<(u32, u32, u32, u32, u8)>> {
 
 /// The worst window whose centre lies in each block, found the long way.
 fn worst_windows(frame: &Picture, shown: &Picture) -> Vec<f64> {
-    let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
+    let (width, height) = (frame.width as usize, frame.height as usize);
     let block = BLOCK as usize;
+    let (across, down) = (block.min(width), block.min(height));
     let columns = width.div_ceil(block);
     let mut worst = vec![0.0_f64; columns * height.div_ceil(block)];
     let rms = |left: usize, top: usize, right: usize, bottom: usize| {
@@ -50,10 +52,10 @@ fn worst_windows(frame: &Picture, shown: &Picture) -> Vec<f64> {
         }
         f64::sqrt(sum / count)
     };
-    for top in 0..=height - block {
-        for left in 0..=width - block {
-            let index = (top + block / 2) / block * columns + (left + block / 2) / block;
-            worst[index] = worst[index].max(rms(left, top, left + block, top + block));
+    for top in 0..=height - down {
+        for left in 0..=width - across {
+            let index = (top + down / 2) / block * columns + (left + across / 2) / block;
+            worst[index] = worst[index].max(rms(left, top, left + across, top + down));
         }
     }
     for (index, worst) in worst.iter_mut().enumerate() {
@@ -88,6 +90,30 @@ fn blocks_have_the_level_of_their_worst_window() {
 }
 
 #[test]
+fn pictures_of_any_size_are_compared() {
+    let mut random = Random::new(3);
+    let sizes =
+        [(1, 1), (7, 5), (5, 40), (40, 5), (16, 16), (17, 16), (48, 33), (33, 48), (31, 31)];
+    for (width, height) in sizes {
+        let mut picture = || {
+            let mut picture = Picture::new(width, height);
+            picture.data.fill_with(|| random.bits() as u8);
+            picture
+        };
+        let (frame, shown) = (picture(), picture());
+        let mut comparison = Comparison::new(width, height);
+        // Twice: what was compared before does not matter.
+        comparison.worst(&shown.data, &frame.data);
+        let found = comparison.worst(&frame.data, &shown.data);
+        let expected = worst_windows(&frame, &shown);
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(&expected) {
+            assert!((f64::from(*found) - expected).abs() < 1e-3, "{width}×{height}: {found}");
+        }
+    }
+}
+
+#[test]
 fn masked_pixels_have_no_error() {
     let (frame, shown) = (grey(100), with_spots(&[(32, 32, 40, 40, 90)]));
     let mut mask = Mask::all(SIZE.0, SIZE.1);
@@ -105,6 +131,23 @@ fn masked_pixels_have_no_error() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn a_map_by_which_no_block_differs_takes_three_bytes_at_most(
+        renders in proptest::collection::vec(spots(), 1..12),
+    ) {
+        let frame = grey(100);
+        let mut encoder = TruthEncoder::new(SIZE.0, SIZE.1);
+        for (number, render) in (0..).zip(&renders) {
+            let render = with_spots(render);
+            let base = Base::Render(&render);
+            let compared = Compared { frame: &frame, picture: &frame, base, mask: None };
+            prop_assert!(encoder.compare(number, &compared) <= 3);
+            prop_assert!(encoder.encode(number, 3).is_some());
+        }
+    }
+
     #[test]
     fn a_map_says_what_is_true_or_more(
         runs in proptest::collection::vec((spots(), spots(), 1..60_usize, 1..18_u32, 0..10), 1..20),

@@ -1,10 +1,10 @@
 //! Counting marks, for [`table`](super::table).
 
-use crate::range_coder::Bits;
-use crate::{Picture, range_coder::Probability};
+use crate::Picture;
+use crate::range_coder::Probability;
 
 use super::THRESHOLDS;
-use super::coding::{Contexts, Form, code};
+use super::coding::{Contexts, contexts};
 use super::marks::{Comparison, Mark, Marks};
 use super::table::{OFF, TAKES, WRONG};
 
@@ -13,15 +13,6 @@ pub struct Counts {
     off: Vec<[u32; 2]>,
     wrong: Vec<[u32; 2]>,
     takes: Vec<[u32; 2]>,
-}
-
-/// A coder that writes nothing.
-struct Nowhere;
-
-impl Bits for Nowhere {
-    fn bit(&mut self, _: Probability, bit: bool) -> bool {
-        bit
-    }
 }
 
 impl Default for Counts {
@@ -45,11 +36,16 @@ impl Counts {
             comparison.mark(&frame, [&picture, &render], None, THRESHOLDS[0], &mut marks);
             let before = before.replace(marks.clone());
             for side in [1, 2, 4] {
-                let form = Form { side, whole: false };
-                for before in [None, before.as_ref()] {
-                    let mut said = marks.clone();
-                    let count = |at: Contexts, mark: Mark| self.count(at, mark);
-                    code(&mut Nowhere, form, before, &mut said, count);
+                let [mut cells, mut cells_before] = [marks.clone(), marks.clone()];
+                cells.set_cells_of(&marks, side);
+                if let Some(before) = &before {
+                    cells_before.set_cells_of(before, side);
+                }
+                for before in [None, before.as_ref().map(|_| &cells_before)] {
+                    for (index, mark) in cells.marks.iter().enumerate() {
+                        let (column, row) = (index % cells.columns, index / cells.columns);
+                        self.count(contexts(&cells, before, column, row), *mark);
+                    }
                 }
             }
         }

@@ -122,6 +122,15 @@ static void decoders(void) {
     CHECK(info.width == 0);
     EXPECT(NVSP_OK, nvsp_decode(decoder, first.bytes, first.size, 0, NULL, NULL));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_cancel(NULL));
+    uint8_t levels[64];
+    size_t written = 77;
+    nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
+    memset(levels, 0xa5, sizeof levels);
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_get_truth(NULL, levels, sizeof levels, &written, &truth));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_get_truth(decoder, NULL, sizeof levels, &written, &truth));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_get_truth(decoder, NULL, 0, &written, &truth));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_get_truth(decoder, levels, sizeof levels, NULL, &truth));
+    CHECK(written == 77 && truth.columns == 0 && all_are(levels, 0xa5, sizeof levels));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(NULL, first.bytes, first.size, 0));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_begin(decoder, NULL, first.size, 0));
     EXPECT(NVSP_ERR_NULL, nvsp_decode_wait(NULL, 1));

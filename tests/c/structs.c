@@ -171,6 +171,14 @@ static nvsp_status device_info(void *structure) { return nvsp_device_get_info(0,
 
 static nvsp_status estimate(void *structure) { return nvsp_prior_estimate(dive.prior, &dive.camera, structure); }
 
+static nvsp_status truth(void *structure) {
+    uint8_t levels[64];
+    size_t written = 77;
+    const nvsp_status status = nvsp_decoder_get_truth(both.decoder, levels, sizeof levels, &written, structure);
+    CHECK((status == NVSP_OK) == (written != 77));
+    return status;
+}
+
 static nvsp_status learning(void *structure) { return nvsp_encoder_get_learning(both.encoder, structure); }
 
 static nvsp_status between_out(void *structure) {
@@ -190,11 +198,12 @@ static const struct {
     {sizeof(nvsp_memory_estimate), estimate, 1, 0},
     {sizeof(nvsp_prior_options), prior_options, 0, 0},
     {sizeof(nvsp_prior_info), prior_info, 1, 0},
-    {sizeof(nvsp_encoder_options), encoder_options, 0, 0},
+    {sizeof(nvsp_encoder_options), encoder_options, 0, 80},
     {sizeof(nvsp_frame_info), frame_info, 0, 0},
     {sizeof(nvsp_frame_info), begun_info, 0, 0},
-    {sizeof(nvsp_frame_stats), frame_stats, 1, 0},
+    {sizeof(nvsp_frame_stats), frame_stats, 1, 192},
     {sizeof(nvsp_decoded), decoded, 1, 0},
+    {sizeof(nvsp_truth), truth, 1, 0},
     {sizeof(nvsp_learning), learning, 1, 0},
     {sizeof(nvsp_header), header, 1, 0},
     {sizeof(nvsp_pose), between_out, 1, 0},

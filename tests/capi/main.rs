@@ -36,6 +36,8 @@ programs! {
     pipelined: [];
     stream: [];
     decoding: [];
+    truth: [];
+    held_memory: [];
     threads: [];
     given_device: [];
     dmabuf: [];

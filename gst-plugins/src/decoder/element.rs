@@ -1,5 +1,6 @@
 //! The element `nvspdec`.
 
+mod truth;
 mod updates;
 
 use std::sync::Mutex;
@@ -49,6 +50,8 @@ struct Settings {
     learnt: Option<String>,
     trust: TrustKind,
     post_messages: bool,
+    truth_messages: bool,
+    overlay: bool,
 }
 
 impl Default for Settings {
@@ -59,6 +62,8 @@ impl Default for Settings {
             learnt: None,
             trust: TrustKind::Auto,
             post_messages: false,
+            truth_messages: false,
+            overlay: false,
         }
     }
 }
@@ -123,6 +128,12 @@ pub struct Decoder {
         blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
         blurb = "Post an element message nvspdec-frame with each picture's figures")]
+    #[property(name = "truth-messages", get, set, type = bool, member = truth_messages, mutable_playing,
+        blurb = "Post an element message nvspdec-truth with each picture: how far each block of it is from what the \
+            camera saw")]
+    #[property(name = "overlay", get, set, type = bool, member = overlay, mutable_playing,
+        blurb = "Draw over each picture what of it differs from what the camera saw (yellow stripes), is wrong \
+            (magenta lattice), or was not seen (grey, with dots)")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
@@ -245,8 +256,15 @@ impl Decoder {
             counts.outdated += u64::from(decoded.missing_update.is_some());
             counts.last = Some(figures.clone());
         }
-        if lock(&self.settings).post_messages {
+        let (figures_wanted, truth_wanted) = {
+            let settings = lock(&self.settings);
+            (settings.post_messages, settings.truth_messages)
+        };
+        if figures_wanted {
             stats::post(self.obj().upcast_ref(), figures);
+        }
+        if truth_wanted {
+            self.post_truth(decoded);
         }
     }
 
@@ -299,6 +317,11 @@ impl Decoder {
         self.obj().allocate_output_frame(frame, None)?;
         let output = self.obj().output_state().ok_or(gst::FlowError::NotNegotiated)?;
         let buffer = frame.output_buffer_mut().ok_or(gst::FlowError::Error)?;
+        truth::mark_regions(&state.decoded, buffer);
+        if lock(&self.settings).overlay {
+            let Decoded { picture, truth, .. } = &mut state.decoded;
+            truth.draw_over(picture);
+        }
         let info: &VideoInfo = output.info();
         let mut mapped = gst_video::VideoFrameRef::from_buffer_ref_writable(buffer, info)
             .map_err(|_| gst::FlowError::Error)?;

@@ -105,6 +105,8 @@ pub struct Encoder {
         blurb = "Give every packet the full form, a latent part of 31 bytes in place of 19")]
     #[property(name = "frames-treated", get, set, type = bool, member = frames_treated, mutable_ready,
         blurb = "Frames come already treated as the prior's preprocessing says")]
+    #[property(name = "truth", get, set, type = bool, member = truth, mutable_ready, default_value = true,
+        blurb = "Packets tell the topside how far its picture is from what the camera saw, block by block")]
     #[property(name = "rate", get, set, type = RateKind, member = rate, mutable_playing,
         blurb = "What decides how fine difference pictures are", builder(RateKind::Quality))]
     #[property(name = "quality", get, set, type = f32, member = quality, mutable_playing, default_value = 10.0,
@@ -285,6 +287,7 @@ impl Encoder {
             .field("certain", stats.certain)
             .field("lost-frames", stats.frames_since_certain)
             .field("rate-kept", stats.rate_kept)
+            .field("truth-bytes", stats.truth_bytes as u32)
             .field("milliseconds", stats.milliseconds)
             .build();
         if let Some(reference) = stats.reference {

@@ -69,6 +69,7 @@ pub struct Settings {
     pub render_check: u32,
     pub full_latent: bool,
     pub frames_treated: bool,
+    pub truth: bool,
     pub rate: RateKind,
     pub quality: f32,
     pub bytes: u32,
@@ -117,6 +118,7 @@ impl Default for Settings {
             render_check: 0,
             full_latent: false,
             frames_treated: false,
+            truth: true,
             rate: RateKind::default(),
             quality: 10.0,
             bytes: 500,
@@ -158,6 +160,7 @@ impl Settings {
             camera_interval: self.camera_interval,
             check_interval: self.render_check,
             frames_treated: self.frames_treated,
+            truth: self.truth,
             ..EncoderOptions::default()
         }
     }

@@ -1,7 +1,7 @@
 //! How many bytes each picture may take, so that a link's bit rate and latency are kept.
 
 use crate::modem::error::ModemError;
-use crate::packet::SHORT_LATENT_LEN;
+use crate::packet::{CAMERA_PART_LEN, LONGEST_LATENT, RENDER_PART_LEN, SHORT_LATENT_LEN};
 
 use super::loss::Loss;
 use super::sharing::{Sharing, SharingOptions};
@@ -226,8 +226,22 @@ impl RateControl {
     /// # Errors
     /// If the budget holds no picture.
     pub fn capacity(&self, budget: usize) -> Result<usize, ModemError> {
-        Sharing::new(&self.sharing(budget, SHORT_LATENT_LEN, None))
-            .map(|sharing| sharing.capacity())
+        let steady = Sharing::new(&self.sharing(budget, SHORT_LATENT_LEN, None))?;
+        if steady.count() < self.options.max_shares {
+            return Ok(steady.capacity());
+        }
+        // A packet that tells the camera has so many bytes more, and no more shares. Two are of its longer check.
+        const LONGEST_HEAD: usize = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
+        const EXTRA: usize = LONGEST_HEAD + 2 - SHORT_LATENT_LEN;
+        let longest = Sharing::new(&self.sharing(self.all(), LONGEST_HEAD, None));
+        let room = longest.map_or(usize::MAX, |sharing| sharing.capacity().saturating_sub(EXTRA));
+        Ok(steady.capacity().min(room.max(SHORT_LATENT_LEN)))
+    }
+
+    /// Bytes that all shares take on the link.
+    fn all(&self) -> usize {
+        let RateControlOptions { mtu, overhead, max_shares, .. } = self.options;
+        max_shares.saturating_mul(mtu.saturating_add(overhead))
     }
 
     /// The division of a packet whose first `picture` bytes make a picture. It takes less than the budget if more would
@@ -267,15 +281,13 @@ impl RateControl {
         picture: usize,
         packet: usize,
     ) -> Result<(Sharing, usize), ModemError> {
-        let RateControlOptions { mtu, overhead, max_shares, .. } = self.options;
-        let all = max_shares.saturating_mul(mtu.saturating_add(overhead));
         let of = |budget: usize| Ok((self.divide(budget, picture, packet)?, budget));
         match of(budget) {
             Ok((sharing, _)) if picture > SHORT_LATENT_LEN && sharing.capacity() < packet => {}
             Ok(first) => return Ok(first),
             Err(_) => {}
         }
-        of(budget.saturating_mul(LONGER)).or_else(|_: ModemError| of(all))
+        of(budget.saturating_mul(LONGER)).or_else(|_: ModemError| of(self.all()))
     }
 
     fn sharing(&self, budget: usize, picture: usize, packet: Option<usize>) -> SharingOptions {

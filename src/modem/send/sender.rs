@@ -810,6 +810,23 @@ mod tests {
     }
 
     #[test]
+    fn if_a_packet_takes_all_shares_one_with_the_camera_is_not_cut() {
+        let control = RateControlOptions { bit_rate: 1e6, ..options().control };
+        let mut sender = Sender::new(SenderOptions { control, ..options() }).unwrap();
+        let planned = sender.plan(0.0).unwrap().unwrap();
+        let recipe = |camera, payload| {
+            let profile = PoseProfile::Compact;
+            packet_of(Recipe { frame: 0, profile, camera, payload: Some(payload) })
+        };
+        let fits = |payload: &usize| recipe(false, *payload).len() <= planned;
+        let longer = recipe(true, (0..planned).rev().find(fits).unwrap());
+        assert!(longer.len() > planned);
+        let division = sender.push(0.0, &longer, None).unwrap();
+        assert_eq!(division.packet_bytes, longer.len());
+        assert_eq!(division.shares, sender.options().max_shares);
+    }
+
+    #[test]
     fn a_packet_needs_a_plan_and_a_refused_one_leaves_it() {
         let mut sender = Sender::new(options()).unwrap();
         let one = packet(0, 100);

@@ -56,6 +56,30 @@ impl UpdateChain {
         Ok(())
     }
 
+    /// Takes an update as it comes from the vehicle, by the rule of
+    /// [`Decoder::add_update`](crate::Decoder::add_update). One that is there already changes nothing. One that stands
+    /// on an earlier state is the first one of a new chain: the vehicle has begun anew from that state, and the updates
+    /// after it go. Returns whether the chain has changed.
+    ///
+    /// # Errors
+    /// As for [`UpdateChain::add`]. Nothing changes then.
+    pub fn take(&mut self, update: Update) -> Result<bool, UpdateError> {
+        if self.updates.contains(&update) {
+            return Ok(false);
+        }
+        if update.before == self.learnt.state() {
+            return self.add(update).map(|()| true);
+        }
+        let base = self.updates.iter().position(|there| there.state() == update.before);
+        let mut anew = UpdateChain::none(self.learnt.prior());
+        for before in &self.updates[..base.map_or(0, |base| base + 1)] {
+            anew.add(before.clone())?;
+        }
+        anew.add(update)?;
+        *self = anew;
+        Ok(true)
+    }
+
     /// The updates, number 1 first.
     pub fn updates(&self) -> &[Update] {
         &self.updates
@@ -227,6 +251,38 @@ mod tests {
         assert_eq!(read.chain, before);
         let text = read.left_out.unwrap().to_string();
         assert!(text.starts_with("update 4 and all after it are left out: update 4 stands on"));
+    }
+
+    #[test]
+    fn a_vehicle_that_begins_anew_is_followed() {
+        let whole = chain();
+        let plain = |number, before| {
+            let update = Update { before, removed: vec![], changed: vec![], ..sample(number, 2) };
+            Update { frames: [7, 9], ..update }
+        };
+        let mut chain = UpdateChain::none(PriorId(7));
+        for update in &whole.updates {
+            assert!(chain.take(update.clone()).unwrap());
+        }
+        for update in &whole.updates {
+            assert!(!chain.take(update.clone()).unwrap(), "it is there already");
+        }
+        assert_eq!(chain, whole);
+        // One that stands on no state, and one whose number does not fit the state that it stands on.
+        for wrong in [plain(4, StateId(1)), plain(3, whole.updates[0].state())] {
+            assert!(chain.take(wrong).is_err());
+            assert_eq!(chain, whole);
+        }
+        // From the prior alone, from the first update, and from the newest.
+        for kept in 0..=whole.updates.len() {
+            let mut expected = UpdateChain::none(PriorId(7));
+            whole.updates[..kept].iter().for_each(|update| expected.add(update.clone()).unwrap());
+            let next = plain(kept as u16 + 1, expected.learnt.state());
+            expected.add(next.clone()).unwrap();
+            let mut chain = whole.clone();
+            assert!(chain.take(next).unwrap());
+            assert_eq!(chain, expected, "{kept}");
+        }
     }
 
     proptest! {

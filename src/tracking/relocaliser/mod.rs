@@ -103,14 +103,19 @@ pub struct Relocaliser {
     candidates: Vec<Candidate>,
 }
 
+/// Points that are kept of each of so many key frames.
+fn key_features(key_frames: usize) -> usize {
+    let each = MEMORY / Landmarks::bytes(key_frames.max(1), 1);
+    each.clamp(MIN_KEY_FEATURES, KEY_FEATURES)
+}
+
 impl Relocaliser {
     /// For the camera of an objective, with the prior's key frames. Nothing is rendered yet.
     pub fn new(objective: &mut Objective, key_frames: &[Pose]) -> Relocaliser {
         let detailed = |level: &usize| objective.camera(*level).width >= WIDTH;
         let level = (0..objective.levels()).rev().find(detailed).unwrap_or(0);
         let camera = objective.camera(level);
-        let each = MEMORY / Landmarks::bytes(key_frames.len().max(1), 1);
-        let key_features = each.clamp(MIN_KEY_FEATURES, KEY_FEATURES);
+        let key_features = key_features(key_frames.len());
         let origin = objective.renderer().scene().centre();
         let (width, height) = (camera.width as usize, camera.height as usize);
         // Each level rounds its share.
@@ -138,6 +143,15 @@ impl Relocaliser {
             pairs: Pairs::with_room(room),
             sorted: Vec::with_capacity(room),
             candidates: Vec::with_capacity((ALIKE.len() * PROPOSALS).max(COMPARED + 1)),
+        }
+    }
+
+    /// Bytes that the points of so many key frames take at most.
+    #[cfg(feature = "capi")]
+    pub(crate) fn landmark_bytes(key_frames: usize) -> usize {
+        match key_frames {
+            0 => 0,
+            _ => Landmarks::bytes(key_frames, key_features(key_frames)),
         }
     }
 

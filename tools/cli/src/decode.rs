@@ -1,5 +1,6 @@
 //! `nvsprior decode`: packets in, pictures out.
 
+mod doubt;
 mod truth;
 mod updates;
 
@@ -10,6 +11,7 @@ use nvsprior::packet::PacketError;
 use nvsprior::render::Scene;
 use nvsprior::{Decoded, Decoder, Error, Trust};
 
+use doubt::DoubtFolder;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::{frame_file, values};
@@ -33,6 +35,10 @@ pub struct Args {
     frames: PathBuf,
     #[command(flatten)]
     truth: TruthArgs,
+    /// Folder for what is known of each picture if it is memory, NAME.png: grey, a pixel for a block of 16×16. 0: the
+    /// prior is sure of it; 1: it is doubtful; 2: it was never mapped. Read from PRIOR.doubt
+    #[arg(long, value_name = "DIR")]
+    doubt: Option<PathBuf>,
     /// The packets come from `nvsprior join`: of those that are not complete, show what came
     #[arg(long)]
     joined: bool,
@@ -73,10 +79,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 .with_context(|| format!("{}: {}", path.display(), view.name))?;
         }
     }
+    let folder = args.doubt.as_deref();
+    let folder = folder.map(|folder| DoubtFolder::new(folder, &engine, &args.prior));
+    let mut doubt = folder.transpose()?;
     let bar = progress(packets.len(), "decoding");
     let (mut failed, mut foreign, mut other, mut missing) = (0, 0, 0, 0);
     for path in &packets {
-        match decode(&mut decoder, updates.as_mut(), path, args) {
+        match decode(&mut decoder, updates.as_mut(), doubt.as_mut(), path, args) {
             Ok(decoded) => {
                 other += usize::from(decoded.same_render == Some(false));
                 missing += usize::from(decoded.missing_update.is_some());
@@ -145,6 +154,7 @@ fn if_foreign(scene: &Scene) -> String {
 fn decode(
     decoder: &mut Decoder,
     updates: Option<&mut Updates>,
+    doubt: Option<&mut DoubtFolder>,
     path: &Path,
     args: &Args,
 ) -> anyhow::Result<Decoded> {
@@ -163,5 +173,8 @@ fn decode(
     let name = Path::new(name.file_name().context("a packet without a name")?);
     frame_file::write_png(&args.frames.join(name), &decoded.picture)?;
     args.truth.write(name, &decoded.picture, &decoded.truth)?;
+    if let Some(doubt) = doubt {
+        doubt.write(name, decoder, &decoded.pose)?;
+    }
     Ok(decoded)
 }

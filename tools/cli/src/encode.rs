@@ -125,10 +125,7 @@ struct RateArgs {
     /// render is the same; 0: never
     #[arg(long, value_name = "FRAMES", default_value_t = 0)]
     render_check: u32,
-    /// Send a truth map with each packet: it tells which parts of the picture are not what the camera saw
-    #[arg(long, overrides_with = "no_truth")]
-    truth: bool,
-    /// Leave the truth map out (the default)
+    /// Leave out the truth map, which tells the topside which parts of the picture are not what the camera saw
     #[arg(long)]
     no_truth: bool,
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
@@ -230,7 +227,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         eprintln!("the device is not portable: every frame is an intra frame");
     }
     options.check_interval = args.rate.render_check;
-    options.truth = args.rate.truth;
+    options.truth = !args.rate.no_truth;
     options.short = !args.rate.full_latent;
     options.frames_treated = args.frames_treated;
     options.profile = match args.rate.profile {

@@ -6,6 +6,7 @@ mod decode;
 mod demo;
 mod device_report;
 mod devices;
+mod doubt;
 mod encode;
 mod inspect;
 mod join;
@@ -67,6 +68,7 @@ enum Command {
     Merge(merge::Args),
     KeyFrames(key_frames::Args),
     Tables(tables::Args),
+    Doubt(doubt::Args),
     Bench(bench::Args),
     Demo(demo::Args),
     Devices(devices::Args),
@@ -94,6 +96,7 @@ fn main() -> ExitCode {
         Command::Merge(args) => merge::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
         Command::Tables(args) => tables::run(&args),
+        Command::Doubt(args) => doubt::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),
         Command::Devices(args) => devices::run(&args),

@@ -13,11 +13,12 @@ use std::time::{Duration, Instant};
 
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::replace_file;
+use nvsprior::prior::{Doubt, replace_file};
 use nvsprior::{Camera, Engine, Prior, RenderOptions};
-use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_inputs::args::{DeviceArgs, OverrideArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_lab::bench::median;
+use nvsprior_train::doubt::doubt_of;
 use nvsprior_train::mapper::{MapOptions, Mapper};
 
 use crate::beside;
@@ -152,6 +153,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
     let how = (&options.render, &preprocessing);
     let prior = write(args, from.as_ref(), container, &mapper, how)?;
+    write_doubt(&engine, args, &prior, &mapper)?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
     report.finish(&mut mapper, prior.len(), forward)?;
     args.device.check(&engine)
@@ -216,6 +218,18 @@ fn write(
     }
     println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
     Ok(prior)
+}
+
+/// Writes how far the prior's picture may be off, beside it.
+fn write_doubt(engine: &Engine, args: &Args, prior: &Prior, mapper: &Mapper) -> anyhow::Result<()> {
+    let pictures = mapper.views().iter().zip(mapper.poses().iter().copied());
+    let bar = progress(pictures.len(), "doubt");
+    let doubt = doubt_of(engine, prior, pictures, &mut || bar.inc(1))?;
+    // The prior is there, and is worth more.
+    if let Err(error) = doubt.save(&Doubt::path_beside(&args.out)) {
+        eprintln!("warning: {error}; `nvsprior doubt` writes it later");
+    }
+    Ok(())
 }
 
 /// Seconds of a forward render of the prior, the median of some.

@@ -71,10 +71,9 @@ impl DiveFile {
         self.chain.learnt()
     }
 
-    /// Adds an update and writes the file.
+    /// Takes an update, see [`UpdateChain::take`], and writes the file if that has changed what is kept.
     pub fn add(&mut self, update: Update) -> anyhow::Result<()> {
-        self.chain.add(update)?;
-        self.save()
+        if self.chain.take(update)? { self.save() } else { Ok(()) }
     }
 
     /// Writes the file. What an earlier dive left under its name is kept beside it.

@@ -256,7 +256,7 @@ impl Setting {
     /// The vehicle's side; [`Footage`] has its frames treated.
     fn vehicle(&self, threshold: f64) -> VehicleOptions {
         let (sender, mode) = (self.sender(), self.mode);
-        VehicleOptions { sender, mode, threshold, frames_treated: true, truth: false }
+        VehicleOptions { sender, mode, threshold, frames_treated: true, truth: true }
     }
 
     /// The channel, for a run of so many seconds.

@@ -4,8 +4,10 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+mod blending;
 pub mod coder_tables;
 pub mod coverage;
+pub mod doubt;
 mod fit;
 pub mod mapper;
 mod posed_picture;

@@ -70,7 +70,20 @@ fn a_new_object_is_learnt_and_shown_on_both_sides() {
     // The same frames give the same updates.
     dive.run(&format!("{ENCODE} --packets again")).ends_with(0);
     assert_eq!(dive.bytes(&name.replace("packets", "again")), dive.bytes(&name));
+    begins_anew(&dive, &update);
     goes_on(&dive, &frames[0]);
+}
+
+/// A vehicle that was started again has learnt from the prior alone: its first update stands on that.
+fn begins_anew(dive: &Dive, first: &Update) {
+    let anew = Update { frames: [1, 2], ..first.clone() };
+    let path = dive.path(&format!("packets/{FRAMES:04}.nvsu"));
+    assert!(!path.exists());
+    anew.save(&path).unwrap();
+    dive.run("decode --prior prior.nvsg --packets packets --frames anew").ends_with(0);
+    let kept = UpdateChain::open(&dive.path("anew/dive.nvsu")).unwrap();
+    assert_eq!(kept.chain.updates(), [anew]);
+    std::fs::remove_file(path).unwrap();
 }
 
 /// The next dive begins with what both sides kept of the first one.

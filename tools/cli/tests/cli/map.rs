@@ -29,6 +29,19 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     let encode = "encode --prior a.ply --cameras cameras.json --split dive --packets packets";
     dive.run(encode).ends_with(0);
     assert!(!dive.path("a.ply.training").exists());
+    // What it knows of its own faults lies beside it, and is drawn.
+    assert_eq!(dive.bytes("a.ply.doubt").len(), 17 + prior.len());
+    let decode = "decode --prior a.ply --packets packets --frames out --doubt doubt";
+    dive.run(decode).ends_with(0);
+    let doubt = image::open(dive.path("doubt/0.png")).unwrap().to_luma8();
+    assert!(doubt.pixels().all(|pixel| pixel.0[0] < 3));
+    std::fs::remove_file(dive.path("a.ply.doubt")).unwrap();
+    dive.run(decode).ends_with(0).says("a.ply.doubt").says("`nvsprior doubt`");
+    let cameras = "--cameras cameras.json --split dive";
+    let check = "--check cameras.json --check-split dive";
+    let run = dive.run(&format!("doubt --prior a.ply {cameras} {check}")).ends_with(0);
+    assert!(run.stdout.contains("ranked right"), "{}", run.stdout);
+    assert!(dive.path("a.ply.doubt").exists());
     // The same input, the same bytes.
     dive.run(&format!("{MAP} --out b.ply")).ends_with(0);
     assert_eq!(dive.bytes("a.ply"), dive.bytes("b.ply"));

@@ -1,0 +1,57 @@
+//! What is known of pictures that are memory, as pictures.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use nvsprior::prior::Doubt;
+use nvsprior::{Camera, Decoder, DoubtMap, DoubtView, Engine, Pose, Prior};
+use nvsprior_inputs::args::PriorArgs;
+use nvsprior_inputs::values;
+
+/// Draws doubt, and writes it to a folder.
+pub struct DoubtFolder {
+    folder: PathBuf,
+    engine: Engine,
+    prior: Prior,
+    doubt: Option<Doubt>,
+    view: Option<(Camera, DoubtView)>,
+    map: DoubtMap,
+}
+
+impl DoubtFolder {
+    /// Reads the prior's doubt, and makes the folder.
+    pub fn new(folder: &Path, engine: &Engine, prior: &PriorArgs) -> anyhow::Result<DoubtFolder> {
+        values::make_folder("--doubt", folder)?;
+        let path = &prior.prior;
+        let prior = prior.open()?;
+        let doubt = Doubt::open_beside(path, &prior)?;
+        if doubt.is_none() {
+            let beside = Doubt::path_beside(path);
+            eprintln!(
+                "{}: not there, so all that is mapped is doubtful; `nvsprior doubt` writes it",
+                beside.display()
+            );
+        }
+        let (folder, engine) = (folder.to_owned(), engine.clone());
+        Ok(DoubtFolder { folder, engine, prior, doubt, view: None, map: DoubtMap::default() })
+    }
+
+    /// Writes the doubt of the picture that was decoded last. `name`: of the picture.
+    pub fn write(&mut self, name: &Path, decoder: &Decoder, pose: &Pose) -> anyhow::Result<()> {
+        let camera = *decoder.camera().context("no camera to draw the doubt with")?;
+        let view = match self.view.take().filter(|(of, _)| *of == camera) {
+            Some(same) => same,
+            None => {
+                let doubt = self.doubt.as_ref();
+                (camera, DoubtView::new(&self.engine, &self.prior, doubt, &camera)?)
+            }
+        };
+        let (_, view) = self.view.insert(view);
+        view.draw(pose, &mut self.map)?;
+        let path = self.folder.join(name);
+        let DoubtMap { columns, rows, ref levels, .. } = self.map;
+        let grey = image::GrayImage::from_raw(columns, rows, levels.clone());
+        let grey = grey.context("a map without blocks")?;
+        grey.save(&path).with_context(|| format!("writing {}", path.display()))
+    }
+}
