@@ -42,8 +42,7 @@ fn a_pose_that_is_called_certain_after_silt_is_right() {
         let hint = (number == FIRST).then(|| Hint::of(frame.pose));
         let time = Some(number as f64 / RATE);
         let picture = silted(frame.picture, rows, &mut random);
-        let encoded =
-            encoder.encode(&picture, FrameInfo { time, hint, ..Default::default() }).unwrap();
+        let encoded = encoder.encode(&picture, FrameInfo { time, hint }).unwrap();
         if encoded.stats.certain {
             let off = (encoded.pose.centre() - frame.pose.centre()).length();
             assert!(off < NEAR, "frame {number} is called certain, and off by {off:.2} m");

@@ -38,14 +38,14 @@ pub enum VideoError {
     #[error(
         "--rtp takes GStreamer, and gst-inspect-1.0 does not start: {0}; on Debian it is in gstreamer1.0-tools"
     )]
-    NoGStreamer(std::io::Error),
+    GStreamer(std::io::Error),
     #[error("--rtp takes GStreamer's {0}, which is not there; on Debian it is in {1}")]
-    NoElement(&'static str, &'static str),
+    Element(&'static str, &'static str),
     #[error(
         "--rtp takes one of GStreamer's x264enc, openh264enc and vah264enc; on Debian x264enc is in \
          gstreamer1.0-plugins-ugly"
     )]
-    NoEncoder,
+    Encoder,
 }
 
 /// What the video shows.
@@ -83,7 +83,7 @@ impl VideoTarget {
     pub fn new(to: SocketAddr) -> Result<VideoTarget, VideoError> {
         for (element, package) in ELEMENTS {
             if !has(element)? {
-                return Err(VideoError::NoElement(element, package));
+                return Err(VideoError::Element(element, package));
             }
         }
         for encoder in ENCODERS {
@@ -91,7 +91,7 @@ impl VideoTarget {
                 return Ok(VideoTarget { to, encoder });
             }
         }
-        Err(VideoError::NoEncoder)
+        Err(VideoError::Encoder)
     }
 
     /// Sends on a thread of its own.
@@ -109,7 +109,7 @@ impl VideoTarget {
 fn has(element: &str) -> Result<bool, VideoError> {
     let mut inspect = Command::new("gst-inspect-1.0");
     let inspect = inspect.args(["--exists", element]).stdout(Stdio::null()).stderr(Stdio::null());
-    Ok(inspect.status().map_err(VideoError::NoGStreamer)?.success())
+    Ok(inspect.status().map_err(VideoError::GStreamer)?.success())
 }
 
 /// A video that runs.

@@ -74,7 +74,7 @@ impl Link {
             number,
             exposed,
             picture: &frame.picture,
-            info: FrameInfo { time: Some(exposed), hint, ..Default::default() },
+            info: FrameInfo { time: Some(exposed), hint },
             user: Some(&user),
         };
         let sent = self.vehicle.take(&taken, || exposed).unwrap();

@@ -47,7 +47,6 @@ fn recording(engine: &Engine, prior: &Prior) -> Vec<Recorded> {
             info: FrameInfo {
                 time: Some(exposed),
                 hint: (number == 0).then(|| Hint::of(pose(0.0))),
-                ..Default::default()
             },
             user: Some(&user),
         };
