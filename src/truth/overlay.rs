@@ -14,7 +14,8 @@ const STEP: u32 = 8;
 
 impl TruthMap {
     /// Draws the map over its picture. Yellow and dark stripes: the block differs. Magenta lattice: it is wrong.
-    /// Grey, with dots: nothing is known of it. Blocks that are as seen stay as they are. A picture of another size stays, too.
+    /// Grey, with dots: nothing is known of it. Blocks that are as seen stay as they are. A picture of another size
+    /// stays, too.
     pub fn draw_over(&self, picture: &mut Picture) {
         let (width, height) = (picture.width, picture.height);
         if (width.div_ceil(BLOCK), height.div_ceil(BLOCK)) != (self.columns, self.rows) {
