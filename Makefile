@@ -6,15 +6,16 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo console console-test demo-prior ageing quick test gst gst-test c-test c-test-memory lint lib \
-	install uninstall package portability package-test firmware cross-aarch64 licences deb deb-test dist dist-test \
-	subproject-test abi-check abi-baseline shaders shaders-check shader-toolchain gpu-check device-report clean \
-	paper-test setup-test
+.PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test \
+	c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb \
+	deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check shader-toolchain gpu-check \
+	device-report clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make console        vehicle, channel and the pilot's page, on the demo's frames: docs/console.md"
 	@echo "make console-test   that page in headless Chromium; RENEW=1 renews the pictures in docs/console/"
+	@echo "make console-soak   eight hours of packets through the console, in fast motion: is its memory flat?"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
@@ -60,6 +61,10 @@ console:
 console-test:
 	@scripts/setup.sh run browser
 	cargo test --release -p nvsprior-cli --features browser --test browser -- --nocapture
+
+console-soak:
+	@scripts/setup.sh run
+	cargo test --release -p nvsprior-console --lib memory_is_flat -- --ignored --nocapture
 
 # The loss is the one that the prior in the tree was trained with.
 demo-prior:

@@ -1,9 +1,11 @@
-#!/bin/sh
-# Starts a working link on the demo's run T2: console, channel and vehicle. Prints the page's address. Ctrl-C ends all.
+#!/bin/bash
+# Starts a working link on the demo's run T2: console, channel and vehicle. The console prints the page's address.
+# Ctrl-C ends all three. If one ends by itself, the others end, too.
 # Usage: console.sh [OUT]; the program is target/release/nvsprior, or the one that NVSPRIOR names.
-set -eu
+# PAGE, TOPSIDE_PORT and MODEM_PORT choose other ports.
+set -euo pipefail
 cd "$(dirname "$0")/.."
-nvsprior=${NVSPRIOR:-target/release/nvsprior}
+nvsprior=${NVSPRIOR:-${CARGO_TARGET_DIR:-target}/release/nvsprior}
 out=${1:-demo-out}
 page=${PAGE:-127.0.0.1:8080} topside=${TOPSIDE_PORT:-5700} modem=${MODEM_PORT:-5701}
 
@@ -12,14 +14,19 @@ if ! [ -e "$out/T2/T2/0060.png" ]; then
     "$nvsprior" demo --run T2 --draw-only --frames 60 --out "$out"
 fi
 
-running=""
-trap '[ -z "$running" ] || kill $running 2> /dev/null || true' EXIT
+end() {
+    # shellcheck disable=SC2046 # Numbers are words.
+    kill $(jobs -p) 2> /dev/null || true
+    wait
+}
+trap end EXIT
 trap 'exit 130' INT TERM
 "$nvsprior" console --prior "$out/prior.ply" --udp "127.0.0.1:$topside" --listen "$page" --keep "$out/kept" &
-running="$!"
 "$nvsprior" channel --from "127.0.0.1:$modem" --to "127.0.0.1:$topside" --bit-rate 8000 --loss 0.1 --delay 0.5 &
-running="$running $!"
 "$nvsprior" vehicle --prior "$out/prior.ply" --cameras "$out/T2/cameras.json" --split T2 --to "127.0.0.1:$modem" \
     --bit-rate 8000 --frame-rate 3 --forth-and-back &
-running="$running $!"
-wait
+wait -n || {
+    echo "console.sh: one of the three has ended, as told above, so the others end, too. For other ports:" \
+        "make console PAGE=127.0.0.1:8081 TOPSIDE_PORT=5702 MODEM_PORT=5703" >&2
+    exit 1
+}

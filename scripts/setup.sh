@@ -109,6 +109,7 @@ look() {
             need gstreamer1.0-plugins-base videoconvert gst-inspect-1.0 --exists videoconvert
             need gstreamer1.0-plugins-good multifilesrc gst-inspect-1.0 --exists multifilesrc
             need gstreamer1.0-plugins-ugly x264enc gst-inspect-1.0 --exists x264enc
+            need gstreamer1.0-libav avdec_h264 gst-inspect-1.0 --exists avdec_h264
             python
             ;;
         *)

@@ -19,7 +19,7 @@ use super::super::{
 /// that of the frame before.
 const LOST: f64 = 1.6;
 /// If this share of what the prior shows agrees, no other pose is looked for. Less is enough if it is at least this
-/// share of the frame before's.
+/// share of the frame before's, and that was certain: what covers a part of the picture stays for some frames.
 pub(super) const SURE: f64 = 0.8;
 const AS_BEFORE: f64 = 0.85;
 /// So many corners are explained by no wrong pose.
@@ -145,7 +145,9 @@ impl Tracker {
     /// Whether no other pose need be looked for: nearly all agrees, or nearly as much as in the frame before, or very
     /// many corners were explained. At a wrong pose a part of the scene may agree, such as a far wall.
     pub(super) fn settles(&self, found: &PoseEstimate) -> bool {
-        let nearly_all = found.agreement.share >= SURE.min(AS_BEFORE * self.share);
+        // Of a lost vehicle nothing is known. The frame at which silt came had a small share, too.
+        let before = if self.frames_since_certain == 0 { self.share } else { f64::INFINITY };
+        let nearly_all = found.agreement.share >= SURE.min(AS_BEFORE * before);
         found.certain && (nearly_all || found.features >= MANY)
     }
 

@@ -1,7 +1,10 @@
 //! `nvsprior console`: the topside as one program, and the pilot's screen.
 
+mod canvas;
 mod chase_view;
 mod clock;
+mod event;
+mod framed;
 mod input;
 mod keeper;
 mod link_log;
@@ -11,11 +14,13 @@ mod plan_view;
 mod projection;
 mod recording;
 mod scene_views;
+mod serial;
 mod server;
 mod state;
 mod token;
 mod topside;
 mod track;
+mod video;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -24,10 +29,12 @@ use std::sync::mpsc::sync_channel;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 
 use crate::endpoint;
-use input::{EVENTS, SourceArgs};
+use event::EVENTS;
+use input::SourceArgs;
 use keeper::Keeper;
 use server::Server;
 use topside::{Topside, TopsideOptions};
+use video::VideoTarget;
 
 /// Show the pilot what comes: the topside's half of a working link
 ///
@@ -46,6 +53,10 @@ pub struct Args {
     /// Folder for snapshots and recordings; made with the first one
     #[arg(long, value_name = "DIR", default_value = "console-out")]
     keep: PathBuf,
+    /// Also send the picture with its overlay as video, RTP with H.264, as QGroundControl and Cockpit take it on port
+    /// 5600. Takes GStreamer
+    #[arg(long, value_name = "HOST:PORT", value_parser = endpoint::remote)]
+    rtp: Option<SocketAddr>,
     /// Most bytes of a modem frame, as the vehicle has it
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..))]
     mtu: u16,
@@ -58,6 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     // Ports and files are looked at before the device is opened: that takes seconds.
     let source = args.source.open(args.mtu.into())?;
     let server = Server::bind(args.listen)?;
+    let video = args.rtp.map(VideoTarget::new).transpose()?;
     let prior = args.prior.open()?;
     let engine = args.device.open()?;
     let options = TopsideOptions {
@@ -66,6 +78,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         clock: source.clock(),
         return_path: source.return_path()?,
         keeper: Keeper::new(args.keep.clone()),
+        video: video.map(|target| target.start(source.clock())).transpose()?,
     };
     let (topside, published) = Topside::new(&engine, &prior, options)?;
     source.start(events.clone())?;

@@ -8,3 +8,10 @@ pub mod channel;
 pub mod console;
 mod endpoint;
 pub mod vehicle;
+
+#[cfg(test)]
+#[path = "../../../tests/common/mod.rs"]
+mod common;
+#[cfg(test)]
+#[path = "../../../tests/scene/mod.rs"]
+mod scene;

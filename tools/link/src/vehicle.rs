@@ -157,6 +157,11 @@ impl Vehicle {
         }))
     }
 
+    /// What the topside is to show of the last packet, if all of it comes.
+    pub fn picture(&self) -> &Picture {
+        &self.encoded.picture
+    }
+
     /// The encoder: its mask, its region of interest.
     pub fn encoder(&mut self) -> &mut Encoder {
         &mut self.encoder

@@ -3,20 +3,24 @@
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 const FRAMES: usize = 60;
 const FRAMES_PER_SECOND: f64 = 3.0;
 const SIZE: (u32, u32) = (320, 180);
 
+/// Bits per second of the vehicle's link.
+const BIT_RATE: u32 = 8000;
+
 /// What the camera sees.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Water {
     Clear,
     Silt,
+    /// The vehicle stays where it took this frame.
+    Still(usize),
 }
 
 /// A program that ends when it is dropped.
@@ -68,7 +72,9 @@ pub struct Desk {
     _channel: Program,
     pub page: String,
     udp: String,
-    silt: Arc<AtomicBool>,
+    /// Where the vehicle sends to.
+    modem: String,
+    water: Arc<Mutex<Water>>,
 }
 
 fn folder() -> PathBuf {
@@ -96,22 +102,23 @@ impl Desk {
             run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out ."));
         }
         let (console, page, udp) = console("127.0.0.1:0", "127.0.0.1:0");
-        let link =
-            format!("channel --from 127.0.0.1:0 --to {udp} --bit-rate 8000 --loss 0.1 --delay 0.5");
+        let link = format!(
+            "channel --from 127.0.0.1:0 --to {udp} --bit-rate {BIT_RATE} --loss 0.1 --delay 0.5"
+        );
         let (channel, _) = Program::start(&link);
         let modem = behind(&channel.says("channel: "), "from ").to_owned();
-        let args =
-            "--prior prior.ply --cameras T2/cameras.json --split T2 --raw 320x180 --bit-rate 8000";
-        let (vehicle, input) = Program::start(&format!(
-            "vehicle {args} --frame-rate {FRAMES_PER_SECOND} --to {modem}"
-        ));
-        let silt = Arc::new(AtomicBool::new(false));
-        film(input, silt.clone());
-        Desk { console: Some(console), vehicle, _channel: channel, page, udp, silt }
+        let water = Arc::new(Mutex::new(Water::Clear));
+        let vehicle = vehicle(&modem, BIT_RATE, &water);
+        Desk { console: Some(console), vehicle, _channel: channel, page, udp, modem, water }
     }
 
     pub fn water(&self, water: Water) {
-        self.silt.store(water == Water::Silt, Ordering::Relaxed);
+        *self.water.lock().unwrap() = water;
+    }
+
+    /// Starts the vehicle anew, with another bit rate.
+    pub fn restart_vehicle(&mut self, bit_rate: u32) {
+        self.vehicle = vehicle(&self.modem, bit_rate, &self.water);
     }
 
     pub fn vehicle_says(&self, text: &str) {
@@ -145,8 +152,16 @@ fn console(page: &str, udp: &str) -> (Program, String, String) {
     (program, behind(&line, " on ").to_owned(), behind(&line, "UDP ").to_owned())
 }
 
-/// The camera: the run forth and back, or silt, until the vehicle ends.
-fn film(mut vehicle: ChildStdin, silt: Arc<AtomicBool>) {
+fn vehicle(modem: &str, bit_rate: u32, water: &Arc<Mutex<Water>>) -> Program {
+    let input = "--prior prior.ply --cameras T2/cameras.json --split T2 --raw 320x180";
+    let link = format!("--bit-rate {bit_rate} --least 60 --frame-rate {FRAMES_PER_SECOND}");
+    let (program, camera) = Program::start(&format!("vehicle {input} {link} --to {modem}"));
+    film(camera, water.clone());
+    program
+}
+
+/// The camera: the run forth and back, or what the water makes of it, until the vehicle ends.
+fn film(mut vehicle: ChildStdin, water: Arc<Mutex<Water>>) {
     let (width, height) = SIZE;
     let read = |k: usize| {
         let path = folder().join(format!("T2/T2/{k:04}.png"));
@@ -162,10 +177,12 @@ fn film(mut vehicle: ChildStdin, silt: Arc<AtomicBool>) {
         for k in 0.. {
             let back = k % (2 * FRAMES - 2);
             let frame = &frames[back.min(2 * FRAMES - 2 - back)];
-            let grain = |_| (120.0 + random.within(-4.0, 4.0)) as u8;
-            let sent = match silt.load(Ordering::Relaxed) {
-                true => vehicle.write_all(&(0..frame.len()).map(grain).collect::<Vec<_>>()),
-                false => vehicle.write_all(frame),
+            let mut grain = |_| (120.0 + random.within(-4.0, 4.0)) as u8;
+            let now = *water.lock().unwrap();
+            let sent = match now {
+                Water::Silt => vehicle.write_all(&frame.iter().map(&mut grain).collect::<Vec<_>>()),
+                Water::Clear => vehicle.write_all(frame),
+                Water::Still(frame) => vehicle.write_all(&frames[frame]),
             };
             if sent.is_err() {
                 return;

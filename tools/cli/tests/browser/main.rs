@@ -23,6 +23,7 @@ fn the_page_follows_a_dive() {
     silt_makes_it_lost(&page, &desk);
     silence_is_told_and_the_page_recovers(&page, &mut desk);
     it_fits_a_tablet(&page);
+    the_overlay_lies_over_the_new_object(&page, &mut desk);
 }
 
 fn pictures_come_and_change(page: &Page) {
@@ -140,4 +141,63 @@ fn it_fits_a_tablet(page: &Page) {
         page.until("a picture", &format!("window.latencies.length > {before} + 1"));
         page.save(name);
     }
+}
+
+/// The frame in which the new box stands in the picture's middle: where it is in blocks of 16 pixels, first and last
+/// column and row, and a part of the wall that is as mapped.
+const STILL: usize = 12;
+const BOX: [u32; 4] = [8, 11, 4, 7];
+const WALL: [u32; 4] = [0, 4, 0, 3];
+
+/// At a rate at which packets have no room for it, the page says that it is not shown as it is.
+fn the_overlay_lies_over_the_new_object(page: &Page, desk: &mut Desk) {
+    page.resize(1280, 720);
+    desk.water(Water::Still(STILL));
+    desk.restart_vehicle(3000);
+    page.value(
+        "window.blocks = ([left, right, top, bottom], of) => {
+            const found = [];
+            for (let y = top; y <= bottom; y++) for (let x = left; x <= right; x++) found.push(of(x, y));
+            return found;
+        };
+        window.level = (x, y) => state.overlay.levels[y * state.overlay.columns + x];
+        // The part of a block's pixels that is drawn over.
+        window.ink = (x, y) => {
+            const [side, canvas] = [16 * box.scale, byId('marks')];
+            const context = canvas.getContext('2d', { willReadFrequently: true });
+            const block = context.getImageData(box.x + x * side + 1, box.y + y * side + 1, side - 2, side - 2);
+            return block.data.filter((alpha, k) => k % 4 === 3 && alpha > 0).length / (block.width * block.height);
+        };",
+    );
+    page.key("p");
+    // All in one look, since the next packet may have another map.
+    let told = |at: [u32; 4], what: &str| format!("blocks({at:?}, level).every({what})");
+    let drawn = |at: [u32; 4], what: &str| format!("blocks({at:?}, ink).every({what})");
+    let over_the_box = told(BOX, "(level) => level === 1 || level === 2");
+    let as_mapped = told(WALL, "(level) => level === 0");
+    let shown =
+        "state.overlay && state.picture.complete && loaded.picture === state.picture.number";
+    let covered = drawn(BOX, "(part) => part > 0.9");
+    let rest = drawn(WALL, "(part) => part === 0");
+    let overlay = format!("{shown} && {over_the_box} && {as_mapped} && {covered} && {rest}");
+    let mut number = f64::NAN;
+    while !page.is(&format!("{overlay} && state.picture.number === {number}")) {
+        page.until("the overlay", &overlay);
+        number = page.number("state.picture.number");
+        page.save("overlay");
+    }
+    // The legend can be read: patterns beside their words.
+    assert!(page.is(
+        "legend.every(({ item, words }) => {
+            const [swatch, text] = [item.firstChild, words].map((part) => part.getBoundingClientRect());
+            return item.hidden || swatch.width >= 30 && swatch.right <= text.left
+                && /[a-z] [0-9]+ %$/.test(words.textContent);
+        })"
+    ));
+    page.key("o");
+    let bare = drawn(BOX, "(part) => part === 0");
+    page.until("a packet with a map, not drawn", &format!("{shown} && {over_the_box} && {bare}"));
+    page.key("o");
+    page.until("the overlay again", &overlay);
+    page.key("p");
 }

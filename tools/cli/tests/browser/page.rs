@@ -44,7 +44,7 @@ impl Page {
         self.tab.call_method(method).unwrap();
     }
 
-    fn value(&self, expression: &str) -> Value {
+    pub fn value(&self, expression: &str) -> Value {
         let found = self.tab.evaluate(expression, false).unwrap();
         found.value.unwrap_or(Value::Null)
     }
@@ -103,7 +103,7 @@ impl Page {
     /// Keeps what is seen.
     pub fn save(&self, name: &str) {
         let format = Protocol::CaptureScreenshotFormatOption::Jpeg;
-        let seen = self.tab.capture_screenshot(format, Some(82), None, true).unwrap();
+        let seen = self.tab.capture_screenshot(format, Some(70), None, true).unwrap();
         let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
         let renew = std::env::var_os("RENEW").is_some() && name != "failed";
         let folder = root.join(if renew { "docs/console" } else { "target/console-test" });

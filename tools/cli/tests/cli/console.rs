@@ -1,5 +1,9 @@
 //! `nvsprior vehicle`, `channel` and `console`: two ends and the link between them.
 
+#[cfg(unix)]
+mod serial;
+mod video;
+
 use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::path::Path;
@@ -256,7 +260,7 @@ fn a_dive_is_kept_and_played_again() {
     assert_eq!([picture.width(), picture.height()].map(u64::from), [width, height]);
     let recording = kept("nvsr");
     let console = Console::start(&dive, &format!("--play {} --speed 50", recording.display()));
-    let state = console.until("the end", |state| state["ended"].is_string());
+    let state = console.until("the end", |state| state["stopped"].is_string());
     assert!(state["picture"]["number"].as_u64() > Some(0), "{state:#}");
     assert_eq!(state["link"]["garbage"], 0, "{state:#}");
     assert_eq!(console.get("/picture.png")[1..4], *b"PNG");
@@ -299,7 +303,7 @@ fn modem_frames_come_on_standard_input() {
         input.write_all(&framed).unwrap();
     }
     drop(input);
-    let state = console.until("the end", |state| state["ended"].is_string());
+    let state = console.until("the end", |state| state["stopped"].is_string());
     let picture = &state["picture"];
     assert_eq!((&picture["complete"], &picture["clock"]), (&json!(true), &Value::Null));
     assert_eq!(state["link"]["reports"], Value::Null);

@@ -1,46 +1,20 @@
 //! Where modem frames come from: UDP, a serial line, standard input, or a recording.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Write};
+use std::io::BufReader;
 use std::net::{SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::sync::mpsc::SyncSender;
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior_link::pilot::Region;
 
 use super::clock::Clock;
+use super::event::{Arrived, Event};
+use super::framed::take_framed;
 use super::recording::Player;
+use super::serial::{SerialLine, SerialWriter};
 use crate::endpoint::{self, DATAGRAM};
-
-/// Events that may wait. If there are more datagrams, the next ones are dropped.
-pub const EVENTS: usize = 1024;
-
-/// What the topside is to deal with.
-pub enum Event {
-    /// A modem frame.
-    Arrived(Arrived),
-    /// No more will come.
-    Ended(String),
-    /// The pilot wants something.
-    Command(Command),
-}
-
-pub struct Arrived {
-    /// UTC, seconds.
-    pub time: f64,
-    pub bytes: Vec<u8>,
-    /// Where reports to its sender go, of a datagram.
-    pub from: Option<SocketAddr>,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub enum Command {
-    Region(Option<Region>),
-    Record(bool),
-    Snapshot,
-}
 
 #[derive(clap::Args)]
 #[group(required = true, multiple = false)]
@@ -83,7 +57,7 @@ fn speed(text: &str) -> Result<f64, String> {
 /// Where reports go.
 pub enum ReturnPath {
     Udp(UdpSocket),
-    Serial(Box<dyn Write + Send>),
+    Serial(SerialWriter),
     None,
 }
 
@@ -96,11 +70,7 @@ impl ReturnPath {
     pub fn send(&mut self, report: &[u8], peer: Option<SocketAddr>) {
         let _ = match (self, peer) {
             (ReturnPath::Udp(socket), Some(peer)) => socket.send_to(report, peer).map(drop),
-            (ReturnPath::Serial(port), _) => {
-                let mut framed = cobs::encode_vec(report);
-                framed.push(0);
-                port.write_all(&framed)
-            }
+            (ReturnPath::Serial(line), _) => line.send(report),
             _ => Ok(()),
         };
     }
@@ -116,7 +86,7 @@ pub struct Source {
 
 enum Kind {
     Udp(UdpSocket),
-    Serial(Box<dyn serialport::SerialPort>),
+    Serial(SerialLine),
     Stdin,
     Play(Player<BufReader<File>>),
 }
@@ -131,9 +101,8 @@ impl SourceArgs {
                 (Kind::Udp(socket), format!("UDP {at}"))
             }
             Sources { serial: Some(device), .. } => {
-                let port = serialport::new(device, self.baud).timeout(Duration::from_secs(1));
-                let port = port.open().with_context(|| format!("--serial {device}"))?;
-                (Kind::Serial(port), format!("{device} at {} baud", self.baud))
+                let line = SerialLine::open(device, self.baud)?;
+                (Kind::Serial(line), format!("{device} at {} baud", self.baud))
             }
             Sources { play: Some(path), .. } => {
                 let opening = || format!("--play {}", path.display());
@@ -160,10 +129,7 @@ impl Source {
     pub fn return_path(&self) -> anyhow::Result<ReturnPath> {
         Ok(match &self.kind {
             Kind::Udp(socket) => ReturnPath::Udp(socket.try_clone().context("--udp")?),
-            Kind::Serial(port) => {
-                let port = port.try_clone().context("--serial")?;
-                ReturnPath::Serial(Box::new(port))
-            }
+            Kind::Serial(line) => ReturnPath::Serial(line.writer()),
             Kind::Stdin | Kind::Play(_) => ReturnPath::None,
         })
     }
@@ -172,17 +138,17 @@ impl Source {
     pub fn start(self, events: SyncSender<Event>) -> anyhow::Result<()> {
         let Source { kind, mut clock, mtu, .. } = self;
         let read = move || {
-            let ended = match kind {
-                Kind::Udp(socket) => take_datagrams(&socket, clock, &events),
-                Kind::Serial(port) => take_framed(port, clock, mtu, &events),
+            let why = match kind {
+                Kind::Udp(socket) => Some(take_datagrams(&socket, clock, &events)),
+                Kind::Serial(line) => line.take(clock, mtu, &events),
                 Kind::Stdin => take_framed(std::io::stdin(), clock, mtu, &events),
                 Kind::Play(player) => {
                     clock = Clock::of_recording(player.start(), clock.speed());
-                    play(player, clock, &events)
+                    Some(play(player, clock, &events))
                 }
             };
             // Nobody is there to hear it if the topside has ended.
-            let _ = events.send(Event::Ended(ended));
+            let _ = why.map(|why| events.send(Event::Stopped(why)));
         };
         std::thread::Builder::new().name("input".into()).spawn(read).context("reading")?;
         Ok(())
@@ -206,63 +172,6 @@ fn take_datagrams(socket: &UdpSocket, clock: Clock, events: &SyncSender<Event>) 
     }
 }
 
-/// Takes modem frames from a line of bytes: each is in COBS, with a zero byte behind it. What is none is handed on as
-/// it came, and counts as garbage there.
-fn take_framed(
-    mut input: impl Read,
-    clock: Clock,
-    mtu: usize,
-    events: &SyncSender<Event>,
-) -> String {
-    let mut splitter = Splitter::new(mtu);
-    let mut buffer = [0; 4096];
-    loop {
-        let read = match input.read(&mut buffer) {
-            Ok(0) => return "the input ended".into(),
-            Ok(read) => read,
-            Err(error) => match error.kind() {
-                std::io::ErrorKind::TimedOut | std::io::ErrorKind::Interrupted => continue,
-                _ => return format!("reading failed: {error}"),
-            },
-        };
-        for byte in &buffer[..read] {
-            let Some(bytes) = splitter.take(*byte) else { continue };
-            let arrived = Arrived { time: clock.now(), bytes, from: None };
-            if events.send(Event::Arrived(arrived)).is_err() {
-                return String::new();
-            }
-        }
-    }
-}
-
-/// Divides a line of bytes at its zeros.
-struct Splitter {
-    bytes: Vec<u8>,
-    longest: usize,
-}
-
-impl Splitter {
-    fn new(mtu: usize) -> Splitter {
-        Splitter { bytes: Vec::new(), longest: cobs::max_encoding_length(mtu) }
-    }
-
-    /// Takes a byte; gives the modem frame that it ends.
-    fn take(&mut self, byte: u8) -> Option<Vec<u8>> {
-        if byte != 0 {
-            // Of what is too long, the rest is not kept.
-            if self.bytes.len() <= self.longest {
-                self.bytes.push(byte);
-            }
-            return None;
-        }
-        let bytes = std::mem::take(&mut self.bytes);
-        match bytes.is_empty() {
-            true => None,
-            false => Some(cobs::decode_vec(&bytes).unwrap_or(bytes)),
-        }
-    }
-}
-
 fn play(player: Player<BufReader<File>>, clock: Clock, events: &SyncSender<Event>) -> String {
     for recorded in player.frames() {
         std::thread::sleep(clock.until(recorded.time));
@@ -272,33 +181,4 @@ fn play(player: Player<BufReader<File>>, clock: Clock, events: &SyncSender<Event
         }
     }
     "the recording has ended".into()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn split(line: &[u8]) -> Vec<Vec<u8>> {
-        let mut splitter = Splitter::new(8);
-        line.iter().filter_map(|byte| splitter.take(*byte)).collect()
-    }
-
-    #[test]
-    fn modem_frames_come_out_of_a_line_of_bytes() {
-        let frames = [vec![0, 1, 0, 0], vec![9; 8], vec![0]];
-        let mut line = vec![0, 0];
-        for frame in &frames {
-            line.extend(cobs::encode_vec(frame));
-            line.push(0);
-        }
-        assert_eq!(split(&line), frames);
-    }
-
-    #[test]
-    fn noise_is_handed_on_and_bounded() {
-        let long = split(&[&[7; 100_000][..], &[0]].concat());
-        assert!(long.len() == 1 && long[0].len() <= 10);
-        let [one, two] = &split(&[200, 3, 0, 2, 5, 0])[..] else { panic!() };
-        assert_eq!((&one[..], &two[..]), (&[200, 3][..], &[5][..]));
-    }
 }

@@ -108,6 +108,11 @@ impl Pictures {
         self.collector.statistics()
     }
 
+    /// Number of the last update of the prior that is held; 0: none.
+    pub fn learnt(&self) -> u16 {
+        self.decoder.learnt().number()
+    }
+
     /// Packets come, and prior or camera that they are about are not known.
     pub fn lacks_camera(&self) -> bool {
         self.lacks_camera
@@ -260,3 +265,6 @@ impl Pictures {
         Some(bytes)
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

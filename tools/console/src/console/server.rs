@@ -20,7 +20,7 @@ use tokio::sync::watch;
 use tokio_stream::wrappers::WatchStream;
 use tokio_stream::{Stream, StreamExt};
 
-use super::input::{Command, Event};
+use super::event::{Command, Event};
 use super::token::Access;
 use super::topside::Published;
 

@@ -13,8 +13,8 @@ pub struct State {
     /// How fast it goes: a recording may be played faster.
     pub speed: f64,
     pub source: String,
-    /// Why nothing more comes.
-    pub ended: Option<String>,
+    /// Why nothing comes.
+    pub stopped: Option<String>,
     pub picture: Option<PictureState>,
     pub pose: PoseState,
     /// For how long the vehicle has not been certain.
@@ -90,7 +90,8 @@ pub struct LinkState {
     /// Modem frames that were none, or of no use.
     pub garbage: u64,
     pub packets: u64,
-    pub updates: u64,
+    /// Number of the last update of the prior that was learnt and has come; 0: none.
+    pub learnt: u16,
     /// Reports that were sent; `None`: there is no return channel.
     pub reports: Option<u64>,
     /// By second, oldest first: bytes, and the part that was lost.

@@ -12,13 +12,15 @@ use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
 
 use super::clock::Clock;
-use super::input::{Arrived, Command, Event, ReturnPath};
+use super::event::{Arrived, Command, Event};
+use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
 use super::overlay::overlay;
 use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
 use super::state::{LinkState, PictureState, PoseState, State, clock_name};
+use super::video::Video;
 
 pub struct TopsideOptions {
     pub mtu: usize,
@@ -26,6 +28,7 @@ pub struct TopsideOptions {
     pub clock: Clock,
     pub return_path: ReturnPath,
     pub keeper: Keeper,
+    pub video: Option<Video>,
 }
 
 /// What the page gets.
@@ -64,7 +67,7 @@ pub struct Topside {
     /// Who sent the last modem frame that checks vouch for, and when it came.
     peer: Option<SocketAddr>,
     last_proven: Option<f64>,
-    ended: Option<String>,
+    stopped: Option<String>,
     counts: Counts,
     uncertain_since: Option<f64>,
     region: Option<Region>,
@@ -98,7 +101,7 @@ impl Topside {
             log: LinkLog::default(),
             peer: None,
             last_proven: None,
-            ended: None,
+            stopped: None,
             counts: Counts::default(),
             uncertain_since: None,
             region: None,
@@ -134,15 +137,21 @@ impl Topside {
             for event in events.try_iter().take(AT_ONCE) {
                 self.take(event);
             }
-            let is_new = self.pictures.decode()?;
-            if is_new {
-                self.show()?;
-            }
-            self.report();
-            if is_new || Instant::now() >= deadline || self.note.is_some() {
-                self.publish()?;
-            }
+            self.show(Instant::now() >= deadline)?;
         }
+    }
+
+    /// Decodes what came and shows it, and tells the vehicle. `is_due`: the page is told even if nothing is new.
+    fn show(&mut self, is_due: bool) -> anyhow::Result<()> {
+        let is_new = self.pictures.decode()?;
+        if is_new {
+            self.take_picture()?;
+        }
+        self.report();
+        if is_new || is_due || self.note.is_some() {
+            self.publish()?;
+        }
+        Ok(())
     }
 
     fn now(&self) -> f64 {
@@ -152,7 +161,8 @@ impl Topside {
     fn take(&mut self, event: Event) {
         match event {
             Event::Arrived(arrived) => self.take_frame(&arrived),
-            Event::Ended(why) => self.ended = Some(why),
+            Event::Stopped(why) => self.stopped = Some(why),
+            Event::Resumed => self.stopped = None,
             Event::Command(command) => {
                 let note = self.obey(command);
                 self.note = Some(note.unwrap_or_else(|error| format!("failed: {error}")));
@@ -209,7 +219,7 @@ impl Topside {
     }
 
     /// Takes the picture that was decoded last.
-    fn show(&mut self) -> anyhow::Result<()> {
+    fn take_picture(&mut self) -> anyhow::Result<()> {
         let Some(shown) = self.pictures.shown() else { return Ok(()) };
         let now = self.options.clock.now();
         self.log.shown(now);
@@ -253,6 +263,9 @@ impl Topside {
             self.note = Some(format!("the recording has ended: {error}"));
         }
         let state = self.state(now);
+        if let Some((video, shown)) = self.options.video.as_ref().zip(self.pictures.shown()) {
+            video.show(shown, state.overlay.clone(), state.pose);
+        }
         self.published.state = serde_json::to_string(&state)?.into();
         self.publisher.send_replace(self.published.clone());
         self.note = None;
@@ -267,7 +280,7 @@ impl Topside {
             now,
             speed: self.options.clock.speed(),
             source: self.options.source.clone(),
-            ended: self.ended.clone(),
+            stopped: self.stopped.clone(),
             picture: shown.map(|shown| picture_state(shown, now)),
             pose: match (shown.is_some(), self.uncertain_since) {
                 (false, _) => PoseState::Waiting,
@@ -299,7 +312,7 @@ impl Topside {
             frames: self.counts.frames,
             garbage: self.counts.garbage,
             packets: statistics.completed,
-            updates: statistics.updates,
+            learnt: self.pictures.learnt(),
             reports: self.options.return_path.is_some().then_some(self.counts.reports),
             seconds: self.log.seconds().map(|second| (second.bytes, second.loss())).collect(),
         }
@@ -329,6 +342,7 @@ impl Topside {
             }
         }
         warnings.extend(self.pictures.trouble().map(str::to_owned));
+        warnings.extend(self.options.video.as_ref().and_then(Video::trouble));
         warnings
     }
 }
@@ -361,3 +375,6 @@ pub fn png(picture: &Picture) -> anyhow::Result<Vec<u8>> {
     encoder.write_image(data, *width, *height, image::ExtendedColorType::Rgb8)?;
     Ok(bytes)
 }
+
+#[cfg(test)]
+mod soak;

@@ -75,19 +75,29 @@ const LEVELS = [
   { name: "not seen", colour: FAINT, pattern: "cross" },
 ];
 
+const TILE = 14;
 const patterns = new Map();
 
 function pattern(context, { colour, pattern: kind }) {
   if (patterns.has(kind)) return patterns.get(kind);
   const tile = document.createElement("canvas");
-  tile.width = tile.height = 10;
+  tile.width = tile.height = TILE;
   const ink = tile.getContext("2d");
-  ink.fillStyle = colour + "38";
-  ink.fillRect(0, 0, 10, 10);
+  ink.fillStyle = colour + "28";
+  ink.fillRect(0, 0, TILE, TILE);
   ink.fillStyle = ink.strokeStyle = colour;
-  ink.lineWidth = 2;
-  if (kind === "dots") ink.fillRect(4, 4, 2.5, 2.5);
-  const strokes = { stripes: [[-2, 12, 12, -2]], cross: [[-2, 12, 12, -2], [-2, -2, 12, 12]] }[kind] || [];
+  ink.lineWidth = 2.5;
+  if (kind === "dots") {
+    // With a dark edge, since water has their colour.
+    ink.fillStyle = "#000b";
+    ink.fillRect(4, 4, 7, 7);
+    ink.fillStyle = colour;
+    ink.fillRect(5, 5, 5, 5);
+  }
+  // Beyond the tile's edges, so that lines go on from tile to tile.
+  const rising = [-1, 0, 1].map((k) => [k * TILE, TILE, (k + 1) * TILE, 0]);
+  const falling = [-1, 0, 1].map((k) => [k * TILE, 0, (k + 1) * TILE, TILE]);
+  const strokes = { stripes: rising, cross: [...rising, ...falling] }[kind] || [];
   for (const [fromX, fromY, toX, toY] of strokes) {
     ink.beginPath();
     ink.moveTo(fromX, fromY);
@@ -98,24 +108,38 @@ function pattern(context, { colour, pattern: kind }) {
   return patterns.get(kind);
 }
 
-// What may not be believed of the picture, block by block.
+// What may not be believed of the picture, block by block, with a line around what is of one level.
 function drawOverlay(place, box, overlay) {
-  const rows = overlay.levels.length / overlay.columns;
+  const { columns, levels } = overlay;
+  const rows = levels.length / columns;
   // Blocks are 16 pixels wide; the last ones of a row or column may reach beyond the picture.
   const side = 16 * box.scale;
-  place.context.save();
-  place.context.beginPath();
-  place.context.rect(box.x, box.y, box.width * box.scale, box.height * box.scale);
-  place.context.clip();
+  const { context } = place;
+  const at = (column, row) => (column < 0 || row < 0 || column >= columns ? 0 : levels[row * columns + column] || 0);
+  context.save();
+  context.beginPath();
+  context.rect(box.x, box.y, box.width * box.scale, box.height * box.scale);
+  context.clip();
   for (let row = 0; row < rows; row++) {
-    for (let column = 0; column < overlay.columns; column++) {
-      const level = LEVELS[overlay.levels[row * overlay.columns + column]];
-      if (!level) continue;
-      place.context.fillStyle = pattern(place.context, level);
-      place.context.fillRect(box.x + column * side, box.y + row * side, side, side);
+    for (let column = 0; column < columns; column++) {
+      const level = at(column, row);
+      if (!LEVELS[level]) continue;
+      const [x, y] = [box.x + column * side, box.y + row * side];
+      context.fillStyle = pattern(context, LEVELS[level]);
+      context.fillRect(x, y, side, side);
+      const edges = [[-1, 0, x + 1, y, 0, 1], [1, 0, x + side - 1, y, 0, 1], [0, -1, x, y + 1, 1, 0], [0, 1, x, y + side - 1, 1, 0]];
+      context.strokeStyle = LEVELS[level].colour;
+      context.lineWidth = 2;
+      for (const [right, down, fromX, fromY, along, downward] of edges) {
+        if (at(column + right, row + down) === level) continue;
+        context.beginPath();
+        context.moveTo(fromX, fromY);
+        context.lineTo(fromX + along * side, fromY + downward * side);
+        context.stroke();
+      }
     }
   }
-  place.context.restore();
+  context.restore();
 }
 
 function drawPlan(canvas, image, plan) {

@@ -74,8 +74,8 @@ function drawPicture() {
 function drawMarks() {
   const place = begin(byId("marks"));
   const overlay = shows.overlay && state && state.overlay;
-  byId("legend").hidden = !overlay;
   if (!box || !state) return;
+  showLegend();
   if (overlay) drawOverlay(place, box, overlay);
   if (shows.path && state.path) drawPath(place, box, state.path);
   const region = marker.drawn || state.region;
@@ -125,9 +125,9 @@ function tick() {
   showPose(level === 2 || !isConnected);
   byId("stage").classList.toggle("old", level === 2 || !isConnected);
   byId("silence").textContent = state.link.silence === null ? "–" : seconds(state.link.silence + since());
-  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.ended;
+  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped;
   if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
-  else if (state.ended) byId("banner").textContent = `Nothing more comes: ${state.ended}`;
+  else if (state.stopped) byId("banner").textContent = `Nothing comes: ${state.stopped}`;
   else if (level === 2) byId("banner").textContent = `This picture is ${seconds(age)} old`;
   else byId("banner").textContent = `Lost for ${seconds(state.uncertain_for + since())}: the place shown may be wrong`;
 }
@@ -145,7 +145,7 @@ function showState() {
     : "";
   byId("link-line").textContent =
     `${state.source} · ${link.bytes} bytes in ${link.frames} frames, ${link.garbage} of no use · ` +
-    `${link.updates} updates` + (link.reports === null ? " · no return channel" : ` · ${link.reports} reports sent`);
+    `${link.learnt} updates of the prior learnt` + (link.reports === null ? " · no return channel" : ` · ${link.reports} reports sent`);
   byId("warnings").replaceChildren(...state.warnings.map((text) => {
     const item = document.createElement("li");
     item.textContent = text;
@@ -224,19 +224,34 @@ document.addEventListener("keydown", (event) => {
   if (command || (state && marker.key(event, state.region))) event.preventDefault();
 });
 
-function drawLegend() {
-  byId("legend").replaceChildren(...LEVELS.filter(Boolean).map((level) => {
-    const item = document.createElement("span"), swatch = document.createElement("canvas");
-    [swatch.width, swatch.height] = [28, 18];
-    const context = swatch.getContext("2d");
-    context.fillStyle = pattern(context, level);
-    context.fillRect(0, 0, 28, 18);
-    item.append(swatch, level.name);
-    return item;
-  }));
+// What the patterns mean, and how much of the picture has each.
+const legend = LEVELS.filter(Boolean).map((level) => {
+  const item = document.createElement("span"), swatch = document.createElement("canvas");
+  const words = document.createElement("b");
+  [swatch.width, swatch.height] = [40, 24];
+  const context = swatch.getContext("2d");
+  context.fillStyle = pattern(context, level);
+  context.fillRect(0, 0, swatch.width, swatch.height);
+  item.append(swatch, words);
+  return { level, item, words };
+});
+const lacksMap = Object.assign(document.createElement("span"), {
+  className: "lacks", textContent: "no truth map came: what may be believed is not known",
+});
+byId("legend").append(...legend.map(({ item }) => item), lacksMap);
+
+function showLegend() {
+  const { overlay, picture } = state;
+  byId("legend").hidden = !shows.overlay || !picture;
+  lacksMap.hidden = Boolean(overlay);
+  for (const { level, item, words } of legend) {
+    item.hidden = !overlay;
+    if (!overlay) continue;
+    const count = overlay.levels.filter((found) => LEVELS[found] === level).length;
+    words.textContent = `${level.name} ${Math.round((100 * count) / overlay.levels.length)} %`;
+  }
 }
 
 window.addEventListener("resize", () => { drawPicture(); drawViews(); if (state) drawPlots(); });
 setInterval(tick, 100);
-drawLegend();
 connect();

@@ -1,0 +1,34 @@
+//! What the topside is to deal with.
+
+use std::net::SocketAddr;
+
+use nvsprior_link::pilot::Region;
+
+/// Events that may wait. If there are more datagrams, the next ones are dropped.
+pub const EVENTS: usize = 1024;
+
+pub enum Event {
+    /// A modem frame.
+    Arrived(Arrived),
+    /// Nothing comes, and why.
+    Stopped(String),
+    /// The source is there again.
+    Resumed,
+    /// The pilot wants something.
+    Command(Command),
+}
+
+pub struct Arrived {
+    /// UTC, seconds.
+    pub time: f64,
+    pub bytes: Vec<u8>,
+    /// Where reports to its sender go, of a datagram.
+    pub from: Option<SocketAddr>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub enum Command {
+    Region(Option<Region>),
+    Record(bool),
+    Snapshot,
+}
