@@ -5,14 +5,17 @@ use crate::Picture;
 use super::{BLOCK, TruthLevel, TruthMap};
 
 const YELLOW: [u8; 3] = [255, 220, 0];
+/// Beside the yellow lines, so that they can be seen on what is yellow.
+const DARK: [u8; 3] = [20, 20, 20];
 const MAGENTA: [u8; 3] = [255, 0, 200];
 const LIGHT: [u8; 3] = [230; 3];
 /// Pixels from one line of a pattern to the next. A block holds a whole number of them.
 const STEP: u32 = 8;
 
 impl TruthMap {
-    /// Draws the map over its picture. Yellow stripes: the block differs. Magenta lattice: it is wrong. Grey, with
-    /// dots: nothing is known of it. Blocks that are as seen stay as they are. A picture of another size stays, too.
+    /// Draws the map over its picture. Yellow and dark stripes: the block differs. Magenta lattice: it is wrong.
+    /// Grey, with dots: nothing is known of it. Blocks that are as seen stay as they are. A picture of another size
+    /// stays, too.
     pub fn draw_over(&self, picture: &mut Picture) {
         let (width, height) = (picture.width, picture.height);
         if (width.div_ceil(BLOCK), height.div_ceil(BLOCK)) != (self.columns, self.rows) {
@@ -22,9 +25,11 @@ impl TruthMap {
             let (x, y): (u32, u32) = (at % width, at / width);
             let level = self.levels[(y / BLOCK * self.columns + x / BLOCK) as usize];
             let stripe = (x + y).is_multiple_of(STEP);
+            let beside = (x + y) % STEP == 1;
             let other_stripe = (x + BLOCK - y % BLOCK).is_multiple_of(STEP);
             match level {
                 level if level == TruthLevel::Differs as u8 && stripe => *rgb = YELLOW,
+                level if level == TruthLevel::Differs as u8 && beside => *rgb = DARK,
                 level if level == TruthLevel::Wrong as u8 && (stripe || other_stripe) => {
                     *rgb = MAGENTA;
                 }
@@ -63,7 +68,7 @@ mod tests {
             of_block.filter(|(_, rgb)| **rgb != COLOUR).count()
         };
         assert_eq!(changed(0), 0);
-        assert_eq!(changed(1), 32, "a pixel in eight");
+        assert_eq!(changed(1), 64, "two pixels in eight");
         assert!((49..64).contains(&changed(2)), "{}: both ways, where they cross once", changed(2));
         assert_eq!(changed(3), 256);
     }

@@ -32,6 +32,7 @@ use crate::endpoint;
 use event::EVENTS;
 use input::SourceArgs;
 use keeper::Keeper;
+use overlay::doubt_beside;
 use server::Server;
 use topside::{Topside, TopsideOptions};
 use video::VideoTarget;
@@ -79,6 +80,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return_path: source.return_path()?,
         keeper: Keeper::new(args.keep.clone()),
         video: video.map(|target| target.start(source.clock())).transpose()?,
+        doubt: doubt_beside(&args.prior.prior, &prior),
     };
     let (topside, published) = Topside::new(&engine, &prior, options)?;
     source.start(events.clone())?;

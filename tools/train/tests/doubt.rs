@@ -1,5 +1,5 @@
-//! Doubt through the public API: a wall of splats, of which pictures contradict a part, do not see another, and of which
-//! a third part is missing.
+//! Doubt through the public API: a wall of splats. Pictures contradict a part of it, and do not see another. A third
+//! part is missing.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;

@@ -15,8 +15,8 @@ pub struct TruthArgs {
     /// 2: it is wrong; 3: nothing is known of it
     #[arg(long, value_name = "DIR")]
     truth: Option<PathBuf>,
-    /// Folder for the pictures with the truth map drawn over them, NAME.png. Yellow stripes: it differs; magenta
-    /// lattice: it is wrong; grey, with dots: nothing is known of it
+    /// Folder for the pictures with the truth map drawn over them, NAME.png. Yellow and dark stripes: it differs;
+    /// magenta lattice: it is wrong; grey, with dots: nothing is known of it
     #[arg(long, value_name = "DIR")]
     overlay: Option<PathBuf>,
 }

@@ -101,7 +101,7 @@ fn the_overlay_has_patterns(page: &Page) {
             return alpha.map((value) => value > 128).join();
         })).size",
     );
-    assert_eq!(kinds, 3.0);
+    assert_eq!(kinds, 5.0);
 }
 
 fn silt_makes_it_lost(page: &Page, desk: &Desk) {

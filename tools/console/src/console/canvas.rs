@@ -25,9 +25,10 @@ const TINT: u32 = 56;
 const TEXT: [u8; 3] = [0xe8, 0xec, 0xef];
 const DIFFERS: [u8; 3] = [0x56, 0xb4, 0xe9];
 const WRONG: [u8; 3] = [0xe6, 0x9f, 0x00];
-const NOT_SEEN: [u8; 3] = [0x98, 0xa4, 0xae];
+const MEMORY: [u8; 3] = [0x98, 0xa4, 0xae];
 const LOST: [u8; 3] = [0xff, 0x6a, 0x3d];
-const LEGEND: &str = "dots: differs   stripes: wrong   crosses: not seen";
+const LEGEND: &str =
+    "dots: differs   stripes: wrong   memory: corners, doubtful: crosses, never mapped: bars";
 
 /// A picture of a video's size: its width a multiple of four, its height of two, as coders of video take them.
 pub fn enlarged(picture: &Picture) -> Picture {
@@ -55,7 +56,9 @@ pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay, from: u32) {
         let (colour, on_pattern) = match level {
             Some(1) => (DIFFERS, (4..8).contains(&(x % REPEAT)) && (4..8).contains(&(y % REPEAT))),
             Some(2) => (WRONG, rising < 4),
-            Some(3) => (NOT_SEEN, rising < 2 || falling < 2),
+            Some(3) => (MEMORY, rising < 2 && x % REPEAT < 5),
+            Some(4) => (MEMORY, rising < 2 || falling < 2),
+            Some(5) => (MEMORY, y % REPEAT < 5),
             _ => continue,
         };
         let part = if on_pattern { 256 } else { TINT };
@@ -148,24 +151,24 @@ mod tests {
     fn each_level_has_its_pattern_where_its_block_is() {
         let mut large = enlarged(&grey(64, 32));
         let scale = (large.width / 64) as usize;
-        let overlay = Overlay { columns: 4, levels: vec![0, 1, 2, 3, 0, 0, 0, 0] };
+        let overlay = Overlay { columns: 4, levels: vec![1, 2, 3, 4, 5, 0, 0, 0], has_map: true };
         draw_overlay(&mut large, &overlay, 64);
-        let inked = |column: usize, row: usize| {
-            let side = BLOCK * scale;
+        let side = BLOCK * scale;
+        // By how much the red of a block's pixels has changed.
+        let changes = |block: usize| {
+            let (column, row) = (block % 4, block / 4);
             let at = |k: usize| {
                 (row * side + k / side) * large.width as usize + column * side + k % side
             };
-            (0..side * side).map(|k| large.data[3 * at(k)] != 100).collect::<Vec<_>>()
+            let reds = (0..side * side).map(|k| large.data[3 * at(k)].abs_diff(100));
+            reds.collect::<Vec<_>>()
         };
-        assert!(!inked(0, 0).contains(&true) && !inked(2, 1).contains(&true));
-        let strong = |column: usize| {
-            let side = BLOCK * scale;
-            let at = |k: usize| k / side * large.width as usize + column * side + k % side;
-            let reds = (0..side * side).map(|k| large.data[3 * at(k)]);
-            reds.map(|red| red.abs_diff(100) > 13).collect::<Vec<_>>()
-        };
-        assert!((1..4).all(|column| !inked(column, 0).contains(&false)), "tinted all over");
-        assert!(strong(2) != strong(3) && strong(1) != strong(2) && strong(1) != strong(3));
+        assert!((0..5).all(|block| !changes(block).contains(&0)), "tinted all over");
+        assert!((5..8).all(|block| changes(block).iter().all(|change| *change == 0)));
+        let patterns: std::collections::BTreeSet<Vec<bool>> = (0..5)
+            .map(|block| changes(block).into_iter().map(|change| change > 13).collect())
+            .collect();
+        assert_eq!(patterns.len(), 5);
     }
 
     #[test]

@@ -1,19 +1,76 @@
-//! How far the picture is from what the camera saw, block by block.
+//! What may be believed of the picture, block by block.
 
-use nvsprior::Decoded;
+use std::path::Path;
+
+use nvsprior::prior::Doubt;
+use nvsprior::truth::TruthLevel;
+use nvsprior::{Camera, Decoded, DoubtMap, DoubtView, Engine, Prior};
 use serde::Serialize;
 
-/// Levels of blocks: 0 as seen, 1 differs, 2 wrong, 3 not seen.
+use super::pictures::Shown;
+
+/// Levels of blocks: 0 as seen, 1 differs, 2 wrong; not seen: 3 memory and the prior is sure of it, 4 it is doubtful,
+/// 5 it was never mapped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Overlay {
     pub columns: usize,
     /// By block, row by row.
     pub levels: Vec<u8>,
+    /// The picture's packet told what is as seen; else all is memory.
+    pub has_map: bool,
 }
 
-/// The overlay of a picture; `None`: its packet tells nothing of it.
-pub fn overlay(decoded: &Decoded) -> Option<Overlay> {
-    let truth = &decoded.truth;
-    truth.thresholds?;
-    Some(Overlay { columns: truth.columns as usize, levels: truth.levels.clone() })
+/// Draws what is known of memory.
+pub struct MemoryView {
+    engine: Engine,
+    prior: Prior,
+    doubt: Option<Doubt>,
+    view: Option<(Camera, DoubtView)>,
+    map: DoubtMap,
+}
+
+impl MemoryView {
+    pub fn new(engine: &Engine, prior: &Prior, doubt: Option<Doubt>) -> MemoryView {
+        let (engine, prior) = (engine.clone(), prior.clone());
+        MemoryView { engine, prior, doubt, view: None, map: DoubtMap::default() }
+    }
+
+    /// The overlay of a picture.
+    pub fn overlay(&mut self, shown: &Shown) -> anyhow::Result<Overlay> {
+        let Decoded { truth, pose, .. } = &shown.decoded;
+        let mut levels = truth.levels.clone();
+        if levels.contains(&(TruthLevel::NotSeen as u8)) {
+            self.draw(&shown.camera, pose)?;
+            for (level, doubt) in levels.iter_mut().zip(&self.map.levels) {
+                if *level == TruthLevel::NotSeen as u8 {
+                    *level += doubt;
+                }
+            }
+        }
+        let has_map = truth.thresholds.is_some();
+        Ok(Overlay { columns: truth.columns as usize, levels, has_map })
+    }
+
+    fn draw(&mut self, camera: &Camera, pose: &nvsprior::Pose) -> anyhow::Result<()> {
+        let view = match self.view.take().filter(|(of, _)| of == camera) {
+            Some(same) => same,
+            None => {
+                let doubt = self.doubt.as_ref();
+                (*camera, DoubtView::new(&self.engine, &self.prior, doubt, camera)?)
+            }
+        };
+        let (_, view) = self.view.insert(view);
+        Ok(view.draw(pose, &mut self.map)?)
+    }
+}
+
+/// The doubt beside a prior. If it cannot be read, says so; the console is worth more.
+pub fn doubt_beside(path: &Path, prior: &Prior) -> Option<Doubt> {
+    match Doubt::open_beside(path, prior) {
+        Ok(Some(doubt)) => return Some(doubt),
+        Ok(None) => eprintln!("{}: not there", Doubt::path_beside(path).display()),
+        Err(error) => eprintln!("{error}"),
+    }
+    eprintln!("so all that is mapped is doubtful where it was not seen: `nvsprior doubt`");
+    None
 }

@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use nvsprior::prior::Doubt;
 use nvsprior::{Engine, Picture, Prior};
 use nvsprior_link::exposure;
 use nvsprior_link::pilot::{PilotMessage, Region};
@@ -16,7 +17,7 @@ use super::event::{Arrived, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
-use super::overlay::overlay;
+use super::overlay::{MemoryView, Overlay};
 use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
 use super::state::{LinkState, PictureState, PoseState, State, clock_name};
@@ -29,6 +30,7 @@ pub struct TopsideOptions {
     pub return_path: ReturnPath,
     pub keeper: Keeper,
     pub video: Option<Video>,
+    pub doubt: Option<Doubt>,
 }
 
 /// What the page gets.
@@ -63,6 +65,8 @@ pub struct Topside {
     options: TopsideOptions,
     pictures: Pictures,
     views: SceneViews,
+    memory: MemoryView,
+    overlay: Option<Overlay>,
     log: LinkLog,
     /// Who sent the last modem frame that checks vouch for, and when it came.
     peer: Option<SocketAddr>,
@@ -90,7 +94,7 @@ impl Topside {
     pub fn new(
         engine: &Engine,
         prior: &Prior,
-        options: TopsideOptions,
+        mut options: TopsideOptions,
     ) -> anyhow::Result<(Topside, watch::Receiver<Published>)> {
         let scene = engine.upload_for_updates(prior).context("uploading the prior")?;
         let views = SceneViews::new(engine, prior, &scene)?;
@@ -98,6 +102,8 @@ impl Topside {
         let mut topside = Topside {
             pictures: Pictures::new(engine, &scene, options.mtu)?,
             views,
+            memory: MemoryView::new(engine, prior, options.doubt.take()),
+            overlay: None,
             log: LinkLog::default(),
             peer: None,
             last_proven: None,
@@ -228,6 +234,7 @@ impl Topside {
             false => self.uncertain_since = None,
         }
         self.views.take(shown);
+        self.overlay = Some(self.memory.overlay(shown)?);
         self.published.picture = png(&shown.decoded.picture)?.into();
         if let Some(chase) = self.views.draw_chase(shown)? {
             self.published.chase = png(chase)?.into();
@@ -297,7 +304,7 @@ impl Topside {
             recorded: self.options.keeper.recorded(),
             note: self.note.clone(),
             warnings: self.warnings(shown),
-            overlay: shown.and_then(|shown| overlay(&shown.decoded)),
+            overlay: self.overlay.clone(),
         }
     }
 

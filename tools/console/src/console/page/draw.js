@@ -72,7 +72,9 @@ const LEVELS = [
   null,
   { name: "differs", colour: GOOD, pattern: "dots" },
   { name: "wrong", colour: DOUBT, pattern: "stripes" },
-  { name: "not seen", colour: FAINT, pattern: "cross" },
+  { name: "memory", colour: FAINT, pattern: "corner" },
+  { name: "doubtful memory", colour: FAINT, pattern: "cross" },
+  { name: "never mapped", colour: FAINT, pattern: "bars" },
 ];
 
 const TILE = 14;
@@ -94,10 +96,12 @@ function pattern(context, { colour, pattern: kind }) {
     ink.fillStyle = colour;
     ink.fillRect(5, 5, 5, 5);
   }
+  if (kind === "bars") ink.fillRect(0, 4, TILE, 6);
   // Beyond the tile's edges, so that lines go on from tile to tile.
   const rising = [-1, 0, 1].map((k) => [k * TILE, TILE, (k + 1) * TILE, 0]);
   const falling = [-1, 0, 1].map((k) => [k * TILE, 0, (k + 1) * TILE, TILE]);
-  const strokes = { stripes: rising, cross: [...rising, ...falling] }[kind] || [];
+  const corner = [[1, 6, 6, 1]];
+  const strokes = { stripes: rising, cross: [...rising, ...falling], corner }[kind] || [];
   for (const [fromX, fromY, toX, toY] of strokes) {
     ink.beginPath();
     ink.moveTo(fromX, fromY);

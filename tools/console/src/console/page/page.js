@@ -236,18 +236,19 @@ const legend = LEVELS.filter(Boolean).map((level) => {
   return { level, item, words };
 });
 const lacksMap = Object.assign(document.createElement("span"), {
-  className: "lacks", textContent: "no truth map came: what may be believed is not known",
+  className: "lacks", textContent: "no truth map came: all of it is memory",
 });
 byId("legend").append(...legend.map(({ item }) => item), lacksMap);
 
 function showLegend() {
   const { overlay, picture } = state;
   byId("legend").hidden = !shows.overlay || !picture;
-  lacksMap.hidden = Boolean(overlay);
+  lacksMap.hidden = !overlay || overlay.has_map;
   for (const { level, item, words } of legend) {
-    item.hidden = !overlay;
-    if (!overlay) continue;
-    const count = overlay.levels.filter((found) => LEVELS[found] === level).length;
+    const count = overlay ? overlay.levels.filter((found) => LEVELS[found] === level).length : 0;
+    // Those that the picture does not have are left out: there is little room.
+    item.hidden = count === 0;
+    if (!count) continue;
     words.textContent = `${level.name} ${Math.round((100 * count) / overlay.levels.length)} %`;
   }
 }

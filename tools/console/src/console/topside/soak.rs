@@ -105,6 +105,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         return_path: ReturnPath::Udp(socket),
         keeper: Keeper::new(folder.path().into()),
         video: None,
+        doubt: None,
     };
     let (mut topside, published) = Topside::new(&engine, &prior, options).unwrap();
     let server = Server::bind("127.0.0.1:0".parse().unwrap()).unwrap();
