@@ -18,6 +18,8 @@ pub struct Extent {
     pub latent: usize,
     /// Bytes before the residual: the latent part, and camera and render check if they are there. They make a picture.
     pub head: usize,
+    /// Bytes after them up to the end of the truth map; 0: there is none, or not all of it is there.
+    pub told: usize,
     /// Length of the packet, bytes; `None` if the bytes end before the residual's length field does.
     pub total: Option<usize>,
 }
@@ -43,8 +45,10 @@ impl Extent {
         let camera = if follows.camera { CAMERA_PART_LEN } else { 0 };
         let render = if follows.render { RENDER_PART_LEN } else { 0 };
         let head = latent + camera + render;
+        let rest = start.get(head..).unwrap_or(&[]);
+        let told = residual::told_len(follows.residual, rest);
         let total = if residual::has_part(follows.residual) {
-            match residual::part_len(start.get(head..).unwrap_or(&[]), Check::of(form)) {
+            match residual::part_len(rest, Check::of(form)) {
                 Ok(length) => Some(head + length),
                 Err(PacketError::TooShort { .. }) => None,
                 Err(error) => return Err(error),
@@ -52,7 +56,7 @@ impl Extent {
         } else {
             Some(head)
         };
-        Ok(Extent { frame, frames, latent, head, total })
+        Ok(Extent { frame, frames, latent, head, told, total })
     }
 
     /// Replaces the frame number by the one modulo 2²⁴ that is nearest to another packet's.

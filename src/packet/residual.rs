@@ -398,6 +398,16 @@ pub(super) fn part_len(bytes: &[u8], check: Check) -> Result<usize, PacketError>
     Ok(field + length + check.len())
 }
 
+/// Bytes of a part up to the end of the truth map that it begins with; 0: there is none, or not all of it is there.
+pub(super) fn told_len(code: u8, bytes: &[u8]) -> usize {
+    let told = || {
+        let (_, field) = read_length(bytes).ok()?;
+        let (map, _) = truth::split(bytes.get(field..)?)?;
+        Some(field + map.len())
+    };
+    if code == CODE_TRUTH { told().unwrap_or(0) } else { 0 }
+}
+
 /// Length of a valid part at the start of `bytes`, and its payload.
 pub(super) fn checked<'a>(
     bytes: &'a [u8],

@@ -263,11 +263,11 @@ fn the_extent_is_known_from_the_start() {
             let latent = latent(profile).encoded_len();
             let head = latent + if camera { CAMERA_PART_LEN } else { 0 };
             // Two bytes of length, if there is one.
-            let told = if has_part { head + 2 } else { 0 };
+            let known = if has_part { head + 2 } else { 0 };
             for len in 31..=bytes.len() {
-                let total = (len >= told).then_some(bytes.len());
+                let total = (len >= known).then_some(bytes.len());
                 let (frame, frames) = (0x02_0304, Latent::FRAMES);
-                let extent = Extent { frame, frames, latent, head, total };
+                let extent = Extent { frame, frames, latent, head, told: 0, total };
                 assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
                 let ends = [bytes.len(), head, latent, 0];
                 let valid = ends.into_iter().find(|end| *end <= len).unwrap();
@@ -346,6 +346,9 @@ fn truth_maps_come_back() {
             // It is no longer than it may be.
             let bare = Packet { truth: None, ..packet };
             assert_eq!(bare.truth_room(bytes.len()).min(map.len()), map.len(), "{residual:?}");
+            let told = Extent::read(&bytes).unwrap().told;
+            let in_flags = bytes.len() == SHORT_LATENT_LEN;
+            assert_eq!(told, if in_flags { 0 } else { 1 + map.len() }, "{residual:?}");
             // Of a packet that is cut, a map that is whole is left.
             let parsed = Parsed::of(&bytes).unwrap();
             assert_eq!(parsed.salvage(&bytes).truth, found.truth);

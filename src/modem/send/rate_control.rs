@@ -226,7 +226,14 @@ impl RateControl {
     /// # Errors
     /// If the budget holds no picture.
     pub fn capacity(&self, budget: usize) -> Result<usize, ModemError> {
-        let steady = Sharing::new(&self.sharing(budget, SHORT_LATENT_LEN, None))?;
+        self.capacity_told(budget, 0)
+    }
+
+    /// As [`RateControl::capacity`]. `told`: bytes of its truth map, which is protected as its picture is, if there is
+    /// room for that.
+    pub(super) fn capacity_told(&self, budget: usize, told: usize) -> Result<usize, ModemError> {
+        let of = |picture| Sharing::new(&self.sharing(budget, picture, None));
+        let steady = of(SHORT_LATENT_LEN + told).or_else(|_| of(SHORT_LATENT_LEN))?;
         if steady.count() < self.options.max_shares {
             return Ok(steady.capacity());
         }
@@ -236,6 +243,18 @@ impl RateControl {
         let longest = Sharing::new(&self.sharing(self.all(), LONGEST_HEAD, None));
         let room = longest.map_or(usize::MAX, |sharing| sharing.capacity().saturating_sub(EXTRA));
         Ok(steady.capacity().min(room.max(SHORT_LATENT_LEN)))
+    }
+
+    /// The division of a packet by which its truth map, the `told` bytes behind the first `picture` bytes, is protected
+    /// as the picture is; `None`: there is no room for that.
+    pub(super) fn divide_told(
+        &self,
+        budget: usize,
+        (picture, told): (usize, usize),
+        packet: usize,
+    ) -> Option<Sharing> {
+        let sharing = self.divide(budget, picture + told, packet).ok()?;
+        (told > 0 && sharing.capacity() >= packet).then_some(sharing)
     }
 
     /// Bytes that all shares take on the link.

@@ -188,6 +188,8 @@ pub struct Sender {
     room: usize,
     /// The frame that is to come.
     planned: Option<PlannedFrame>,
+    /// Bytes of the last packet's truth map.
+    told: usize,
     history: Option<History>,
     updates: Option<Updates>,
     statistics: SenderStatistics,
@@ -260,6 +262,7 @@ impl Sender {
             interleaver: Interleaver::with_room(spread, room, mtu)?,
             room,
             planned: None,
+            told: 0,
             history: options.expect_reports.then(|| History::new(&options.control)).transpose()?,
             updates: options
                 .updates
@@ -291,7 +294,9 @@ impl Sender {
             }
             Way::Layers(control) => {
                 let budget = control.plan(now);
-                budget.and_then(|budget| Some((budget, control.capacity(budget).ok()?)))
+                budget.and_then(|budget| {
+                    Some((budget, control.capacity_told(budget, self.told).ok()?))
+                })
             }
         };
         self.planned = planned.map(|(budget, _)| PlannedFrame { budget, exposed: now });
@@ -352,7 +357,8 @@ impl Sender {
         let unpaced = self.way.control().is_none();
         let plan = self.planned.or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
         let PlannedFrame { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
-        let (picture, len) = (Extent::read(packet)?.head, packet.len());
+        let Extent { head: picture, told, .. } = Extent::read(packet)?;
+        let len = packet.len();
         let waiting = self.interleaver.len();
         let check_room = |shares: usize| match waiting + shares {
             waiting if waiting > self.room => Err(ModemError::Waiting { waiting, room: self.room }),
@@ -360,7 +366,10 @@ impl Sender {
         };
         let division = match &self.way {
             Way::Layers(control) => {
-                let (sharing, _) = control.divide_longer(budget, picture, len)?;
+                let sharing = match control.divide_told(budget, (picture, told), len) {
+                    Some(sharing) => sharing,
+                    None => control.divide_longer(budget, picture, len)?.0,
+                };
                 check_room(sharing.count())?;
                 self.sharer.share(packet, &sharing, self.options.stream, user)?;
                 Division::of(&sharing, len, control.cost(&sharing))
@@ -375,6 +384,7 @@ impl Sender {
                 division
             }
         };
+        self.told = told;
         Ok((division, exposed))
     }
 
@@ -582,7 +592,7 @@ mod tests {
     use crate::modem::collect::collected::Collected;
     use crate::modem::collect::collector::{Collector, CollectorOptions};
     use crate::modem::tests::{Recipe, packet_of};
-    use crate::packet::PoseProfile;
+    use crate::packet::{Coder, Packet, PoseProfile, Residual};
     use crate::random::Random;
 
     fn options() -> SenderOptions {
@@ -807,6 +817,48 @@ mod tests {
         assert_eq!(sender.statistics().cut, 1);
         let after = (1..30).find(|frame| sender.plan(f64::from(*frame) / 30.0).unwrap().is_some());
         assert!(after > Some(1), "the next frames pay for it");
+    }
+
+    /// A packet of at most so many bytes with a truth map.
+    fn packet_with_map(frame: u32, bytes: usize) -> Vec<u8> {
+        let map = [0b0100, 6, 1, 2, 3, 4, 5, 6];
+        let bare = packet(frame, bytes - map.len());
+        let bare = Packet::decode(&bare).unwrap();
+        let Residual::Coded { payload, .. } = bare.residual else { panic!("{bare:?}") };
+        let residual = Residual::Coded { coder: Coder::Wavelet, payload };
+        Packet { residual, truth: Some(&map), ..bare }.encode().unwrap()
+    }
+
+    #[test]
+    fn the_truth_map_comes_with_the_picture() {
+        let mut layers = 0;
+        for (chance, bit_rate) in [(0.01, 8e3), (0.1, 2e4), (0.01, 12e4), (0.05, 12e4)] {
+            let loss = Loss { chance, burst: 1.0 };
+            let control = RateControlOptions { bit_rate, loss, ..options().control };
+            let mut sender = Sender::new(SenderOptions { control, ..options() }).unwrap();
+            for frame in 0..30 {
+                let now = f64::from(frame) / 15.0;
+                let Some(planned) = sender.plan(now).unwrap() else { continue };
+                let packet = packet_with_map(frame, planned);
+                let Extent { head, told, .. } = Extent::read(&packet).unwrap();
+                assert!(packet.len() <= planned && told > 8);
+                let division = sender.push(now, &packet, None).unwrap();
+                // Before the first packet it is not known that there is a map.
+                if frame == 0 {
+                    continue;
+                }
+                assert!(division.packet_bytes >= packet.len(), "{division:?}");
+                let options = CollectorOptions { streams: 2, ..CollectorOptions::new(64) };
+                let mut collector = Collector::new(options).unwrap();
+                for share in sender.shares().shares().take(division.picture_shares) {
+                    collector.push(now, share).unwrap();
+                }
+                let there = collector.packet(1, frame).unwrap().bytes.len();
+                assert!(there >= head + told, "{there} of {}: {division:?}", head + told);
+                layers += usize::from(there < packet.len());
+            }
+        }
+        assert!(layers > 0, "some have a layer of their own for the difference picture");
     }
 
     #[test]
