@@ -40,6 +40,9 @@ pub const CAMERA: Camera =
 /// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg.
 pub const PRIOR: &[u8] = include_bytes!("../prior.nvsg");
 
+/// How far its picture may be off, as `nvsprior map` wrote it beside the prior.
+pub const DOUBT: &[u8] = include_bytes!("../prior.nvsg.doubt");
+
 /// A place with a mapping run and inspection runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Site {

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use nvsprior::prior::ply::write_ply;
-use nvsprior::prior::replace_file;
+use nvsprior::prior::{Doubt, replace_file};
 use nvsprior::render::Scene;
 use nvsprior::residual::{ResidualCoder, Webp};
 use nvsprior::tracking::Optimizer;
@@ -126,6 +126,7 @@ fn write_prior(path: &Path) -> anyhow::Result<Prior> {
         &mut bytes,
     )?;
     replace_file(path, &bytes)?;
+    replace_file(&Doubt::path_beside(path), nvsprior_basin::DOUBT)?;
     let prior = Prior::open(path, &Default::default())?;
     println!("prior: {} splats and {} key frames", prior.len(), prior.key_frames().len());
     Ok(prior)
