@@ -6,6 +6,8 @@ pub const ALL_SEEN: &[u8] = &[0];
 pub const FOLLOWER: u8 = 0b11;
 /// Bits of the first byte that say how fine the map is; 0: it has no more bytes.
 pub const FORM: u8 = 0b1100;
+/// Bit of the first byte: it is predicted from the last key map.
+pub const PREDICTED: u8 = 0b1_0000;
 /// Low bits of the second byte: the length of what follows it, up to this; this, and more bytes tell the rest.
 pub const LENGTH: u8 = 0x0F;
 

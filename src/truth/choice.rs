@@ -27,7 +27,8 @@ struct Cost(f32);
 impl Bits for Cost {
     fn bit(&mut self, one: Probability, bit: bool) -> bool {
         let chance = f32::from(one) / 65_536.0;
-        self.0 -= if bit { chance } else { 1.0 - chance }.log2();
+        // The platform's own logarithm may round otherwise, and packets be other ones there.
+        self.0 -= libm::log2f(if bit { chance } else { 1.0 - chance });
         bit
     }
 }
@@ -36,7 +37,7 @@ impl Bits for Cost {
 pub struct Choice {
     /// What is said.
     pub cells: Marks,
-    /// The cells of the map before.
+    /// The cells of the key map.
     before: Marks,
     /// What each mark of each cell does harm; infinite: it may not be said.
     harms: Vec<[f32; 4]>,

@@ -13,7 +13,7 @@ pub struct Contexts {
     pub takes: usize,
 }
 
-/// The contexts of a cell, from the cells before it and those of the map before.
+/// The contexts of a cell, from the cells before it and those of the key map.
 pub fn contexts(now: &Marks, before: Option<&Marks>, column: usize, row: usize) -> Contexts {
     let (x, y) = (column as isize, row as isize);
     let [left, above] = [now.at(x - 1, y), now.at(x, y - 1)];

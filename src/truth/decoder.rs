@@ -10,14 +10,11 @@ use super::{THRESHOLDS, TruthLevel, TruthMap};
 /// Reads the truth maps of pictures of one size, in memory of its own.
 pub struct TruthDecoder {
     marks: Marks,
-    /// Cells of a map and of the one before, as they are read.
+    /// Cells of a map and of the key map, as they are read.
     cells: [Marks; 2],
-    /// What the last map said, and of which frame.
-    last: Marks,
-    last_frame: Option<u32>,
-    /// What the map before it said: a packet may come again, once more of it has arrived.
-    before: Marks,
-    frame_before: Option<u32>,
+    /// What the last key map said, and of which frame.
+    key: Marks,
+    key_frame: Option<u32>,
     comparison: Comparison,
 }
 
@@ -34,18 +31,9 @@ pub enum Arrived<'a> {
 impl TruthDecoder {
     pub fn new(width: u32, height: u32) -> TruthDecoder {
         let marks = Marks::new(width, height);
-        let (last, before) = (marks.clone(), marks.clone());
-        let cells = [marks.clone(), marks.clone()];
+        let (key, cells) = (marks.clone(), [marks.clone(), marks.clone()]);
         let comparison = Comparison::new(width, height);
-        TruthDecoder {
-            marks,
-            cells,
-            last,
-            before,
-            last_frame: None,
-            frame_before: None,
-            comparison,
-        }
+        TruthDecoder { marks, cells, key, key_frame: None, comparison }
     }
 
     /// Reads the map of a frame into `map`, whose size is that of the pictures. If the map cannot be read, all is not
@@ -58,18 +46,13 @@ impl TruthDecoder {
         map: &mut TruthMap,
     ) -> bool {
         let frame = frame % Latent::FRAMES;
-        if self.last_frame == Some(frame) {
-            // It came before.
-            std::mem::swap(&mut self.last, &mut self.before);
-            self.last_frame = self.frame_before.take();
-        }
         let Some(thresholds) = self.read(frame, bytes) else { return false };
-        // What was read is the last map now.
-        std::mem::swap(&mut self.last, &mut self.before);
-        std::mem::swap(&mut self.last, &mut self.marks);
-        (self.frame_before, self.last_frame) = (self.last_frame, Some(frame));
+        if bytes[0] & layout::PREDICTED == 0 {
+            self.key.marks.copy_from_slice(&self.marks.marks);
+            self.key_frame = Some(frame);
+        }
         map.thresholds = Some(thresholds);
-        let levels = map.levels.iter_mut().zip(&self.last.marks);
+        let levels = map.levels.iter_mut().zip(&self.marks.marks);
         match arrived {
             Arrived::All => levels.for_each(|(level, mark)| *level = level_of(*mark) as u8),
             Arrived::Start { render, picture } => {
@@ -91,7 +74,7 @@ impl TruthDecoder {
         let coded = layout::coded(bytes)?;
         let first = bytes[0];
         let thresholds = THRESHOLDS[usize::from(first >> 6)];
-        let (predicted, whole) = (first >> 4 & 1 != 0, first >> 5 & 1 != 0);
+        let (predicted, whole) = (first & layout::PREDICTED != 0, first >> 5 & 1 != 0);
         let side = match (first & layout::FORM) >> 2 {
             0 => {
                 let mark = if whole { Mark::Mended } else { Mark::Rendered };
@@ -101,14 +84,14 @@ impl TruthDecoder {
             form => 1 << (form - 1),
         };
         let distance = u32::from(bytes[1] >> 4);
-        if predicted && self.last_frame != Some(frame.wrapping_sub(distance) % Latent::FRAMES) {
+        if predicted && self.key_frame != Some(frame.wrapping_sub(distance) % Latent::FRAMES) {
             return None;
         }
         let mut coder = WholeReader::new(&bytes[coded]);
         let [cells, before] = &mut self.cells;
         // It gives the cells their number. Their marks are then read, one by one.
         cells.set_cells_of(&self.marks, side);
-        before.set_cells_of(&self.last, side);
+        before.set_cells_of(&self.key, side);
         code(&mut coder, whole, predicted.then_some(before), cells);
         self.marks.set_blocks_of(cells, side);
         Some(thresholds)

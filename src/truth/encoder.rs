@@ -9,7 +9,7 @@ use super::THRESHOLDS;
 use super::choice::{Choice, MENDED_HARM};
 use super::marks::{Comparison, Mark, Marks};
 
-/// After so many predicted maps comes one that is predicted from none: what a loss has spoiled ends there.
+/// After so many predicted maps comes a key map, which is predicted from none: what its loss has spoiled ends there.
 const PREDICTED: u32 = 7;
 /// What a block that is said to differ, but is as seen, may cost to say right, bits.
 const PRICE: f32 = 8.0;
@@ -17,7 +17,7 @@ const PRICE: f32 = 8.0;
 const HALVINGS: u32 = 6;
 /// Most bytes of a map by which no block differs.
 const RIGHT: usize = 3;
-/// Most frames between a map and the one that it is predicted from.
+/// Most frames between a map and the key map that it is predicted from.
 const FARTHEST: u32 = 15;
 /// Number of the thresholds.
 const LEVELS: u8 = 0;
@@ -50,7 +50,7 @@ struct Form {
     side: usize,
     /// It tells no block that the render shows from one that the difference picture mends.
     whole: bool,
-    /// Frames since the map that it is predicted from; 0: from none.
+    /// Frames since the key map that it is predicted from; 0: it is one itself.
     distance: u32,
 }
 
@@ -61,11 +61,11 @@ pub struct TruthEncoder {
     marks: Marks,
     /// What the map says.
     said: Marks,
-    /// What the last map said, and of which frame.
-    before: Marks,
+    /// What the last key map said, and of which frame.
+    key: Marks,
+    key_frame: Option<u32>,
     choice: Choice,
-    last: Option<u32>,
-    /// Maps since the last one that was predicted from none.
+    /// Maps since then.
     predicted: u32,
     /// Bytes that the best map of the last frame took.
     needed: usize,
@@ -84,9 +84,9 @@ impl TruthEncoder {
             comparison: Comparison::new(width, height),
             choice: Choice::new(&marks),
             said: marks.clone(),
-            before: marks.clone(),
+            key: marks.clone(),
             marks,
-            last: None,
+            key_frame: None,
             predicted: 0,
             needed: 1,
             bytes: Vec::with_capacity(room),
@@ -100,9 +100,9 @@ impl TruthEncoder {
         self.needed
     }
 
-    /// The next map is predicted from none: the topside may lack those before.
+    /// The next map is a key map: the topside may lack those before.
     pub fn forget(&mut self) {
-        self.last = None;
+        self.key_frame = None;
     }
 
     /// Compares the pictures of a frame. Returns how many bytes the best map takes.
@@ -117,14 +117,16 @@ impl TruthEncoder {
 
     /// Writes the map of the frame that was compared last, in `limit` bytes at most; `None`: there is no room for any.
     pub fn encode(&mut self, number: u32, limit: usize) -> Option<&[u8]> {
-        let distance = self.distance(number);
-        if self.bytes.len() > limit && !self.find(distance, limit) {
-            self.last = None;
+        if self.bytes.len() > limit && !self.find(self.distance(number), limit) {
             return None;
         }
-        self.predicted = if distance > 0 { self.predicted + 1 } else { 0 };
-        self.last = Some(number);
-        std::mem::swap(&mut self.before, &mut self.said);
+        if self.bytes[0] & layout::PREDICTED != 0 {
+            self.predicted += 1;
+        } else {
+            self.predicted = 0;
+            self.key_frame = Some(number);
+            std::mem::swap(&mut self.key, &mut self.said);
+        }
         Some(&self.bytes)
     }
 
@@ -135,10 +137,15 @@ impl TruthEncoder {
             8.0 + PRICE * harm
         });
         best = best.filter(|_| self.bytes.len() <= limit);
+        // If the scene has changed much, a new key map is shorter.
+        let distances = if distance > 0 { &[distance, 0][..] } else { &[0] };
         for side in [1, 2, 4] {
-            self.choice.prepare(&self.marks, &self.before, side);
-            for whole in [false, true] {
-                best = self.find_in(Form { side, whole, distance }, limit, best);
+            self.choice.prepare(&self.marks, &self.key, side);
+            for distance in distances {
+                for whole in [false, true] {
+                    let form = Form { side, whole, distance: *distance };
+                    best = self.find_in(form, limit, best);
+                }
             }
         }
         best.is_some()
@@ -167,9 +174,9 @@ impl TruthEncoder {
         best
     }
 
-    /// How many frames before the map came that the next one is predicted from; 0: it is predicted from none.
+    /// How many frames before the key map came that the next one is predicted from; 0: it is a key map.
     fn distance(&self, number: u32) -> u32 {
-        let distance = self.last.map_or(0, |last| number.wrapping_sub(last));
+        let distance = self.key_frame.map_or(0, |key| number.wrapping_sub(key));
         let near = (1..=FARTHEST).contains(&distance) && self.predicted < PREDICTED;
         if near { distance } else { 0 }
     }
@@ -217,7 +224,7 @@ impl TruthEncoder {
         // There is always room.
         coder.finish();
         let fineness = side.trailing_zeros() as u8 + 1;
-        let flags = u8::from(predicted) << 4 | u8::from(whole) << 5;
+        let flags = if predicted { layout::PREDICTED } else { 0 } | u8::from(whole) << 5;
         self.tried.clear();
         self.tried.push(LEVELS << 6 | flags | fineness << 2);
         layout::write_len((distance as u8) << 4, self.coded.len(), &mut self.tried);

@@ -229,7 +229,7 @@ fn a_full_disk_keeps_what_is_there() {
     assert_eq!(dive.bytes("c.ply"), prior);
     let mut left: Vec<_> = names(&dive.path(""));
     left.retain(|name| name.contains("c.ply"));
-    assert_eq!(left, ["c.ply"]);
+    assert_eq!(left, ["c.ply", "c.ply.doubt"]);
 }
 
 /// A report that cannot be written later on is no reason to end.
@@ -313,7 +313,8 @@ fn killed_ten_times_it_ends_with_the_same_prior() {
     }
     assert_eq!(dive.bytes("cut.ply"), dive.bytes("whole.ply"));
     let mut left = names(&dive.path(""));
-    left.retain(|name| name.contains("cut.ply"));
+    // A kill may come when the prior is there and its doubt is not.
+    left.retain(|name| name.contains("cut.ply") && name != "cut.ply.doubt");
     assert_eq!(left, ["cut.ply"], "halves of files are left");
 }
 

@@ -27,8 +27,14 @@ const DIFFERS: [u8; 3] = [0x56, 0xb4, 0xe9];
 const WRONG: [u8; 3] = [0xe6, 0x9f, 0x00];
 const MEMORY: [u8; 3] = [0x98, 0xa4, 0xae];
 const LOST: [u8; 3] = [0xff, 0x6a, 0x3d];
-const LEGEND: &str =
-    "dots: differs   stripes: wrong   memory: corners, doubtful: crosses, never mapped: bars";
+/// What the patterns of the levels 1 to 5 mean.
+const LEGEND: [&str; 5] = [
+    "dots: differs",
+    "stripes: wrong",
+    "corners: memory",
+    "crosses: doubtful memory",
+    "bars: never mapped",
+];
 
 /// A picture of a video's size: its width a multiple of four, its height of two, as coders of video take them.
 pub fn enlarged(picture: &Picture) -> Picture {
@@ -68,8 +74,15 @@ pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay, from: u32) {
     }
 }
 
-/// Draws what stands over the picture: its age in seconds, and what the vehicle says of its pose.
-pub fn draw_words(picture: &mut Picture, age: f64, is_told: bool, pose: PoseState, legend: bool) {
+/// Draws what stands over the picture: its age in seconds, what the vehicle says of its pose, and what the overlay's
+/// patterns mean.
+pub fn draw_words(
+    picture: &mut Picture,
+    age: f64,
+    is_told: bool,
+    pose: PoseState,
+    overlay: Option<&Overlay>,
+) {
     let at_least = if is_told { "" } else { "at least " };
     let (name, ground) = match pose {
         PoseState::Waiting => ("", None),
@@ -80,8 +93,11 @@ pub fn draw_words(picture: &mut Picture, age: f64, is_told: bool, pose: PoseStat
     let line = format!(" {at_least}{age:.1} s old  {name} ");
     let bottom = (picture.height / 2) as i32 - 22;
     write(picture, &line, Point::new(4, 4), ground);
-    if legend {
-        write(picture, &format!(" {LEGEND} "), Point::new(4, bottom), None);
+    let has = |level: u8| overlay.is_some_and(|overlay| overlay.levels.contains(&level));
+    let legend = (1..).zip(LEGEND).filter(|(level, _)| has(*level)).map(|(_, words)| words);
+    let legend = legend.collect::<Vec<_>>().join("   ");
+    if !legend.is_empty() {
+        write(picture, &format!(" {legend} "), Point::new(4, bottom), None);
     }
 }
 
@@ -173,12 +189,20 @@ mod tests {
 
     #[test]
     fn words_are_drawn_and_those_that_do_not_fit_are_cut() {
+        let overlay = |level| Overlay { columns: 1, levels: vec![level], has_map: true };
+        let overlay_of_wrong = overlay(2);
+        let wrong = Some(&overlay_of_wrong);
         let mut large = grey(640, 360);
-        draw_words(&mut large, 3.25, true, PoseState::Certain, true);
+        draw_words(&mut large, 3.25, true, PoseState::Certain, wrong);
         assert!(large.data.contains(&TEXT[0]) && large.data.contains(&0));
         let mut other = grey(640, 360);
-        draw_words(&mut other, 9.75, true, PoseState::Certain, true);
+        draw_words(&mut other, 9.75, true, PoseState::Certain, wrong);
         assert!(large != other, "the age is in it");
-        draw_words(&mut grey(4, 2), 1e9, false, PoseState::Lost, true);
+        // The legend has what the picture has.
+        let mut bare = grey(640, 360);
+        draw_words(&mut bare, 3.25, true, PoseState::Certain, Some(&overlay(0)));
+        let lower = |picture: &Picture| picture.data[picture.data.len() / 2..].to_vec();
+        assert!(lower(&bare) == lower(&grey(640, 360)) && lower(&large) != lower(&bare));
+        draw_words(&mut grey(4, 2), 1e9, false, PoseState::Lost, wrong);
     }
 }

@@ -159,7 +159,7 @@ impl Feed {
             };
             let mut frame = base.clone();
             let age = (self.clock.now() - told.exposed).max(0.0);
-            canvas::draw_words(&mut frame, age, told.is_told, told.pose, told.overlay.is_some());
+            canvas::draw_words(&mut frame, age, told.is_told, told.pose, told.overlay.as_ref());
             drawn = Some((told.number, base));
             self.send(&frame);
         }
