@@ -340,10 +340,11 @@ impl Dive {
 
     /// Both sides have all that the vehicle has learnt, and the topside shows the next frames.
     fn assert_one_version(&mut self, what: &str) {
-        let state = self.topside.decoder.learnt().state();
-        let learnt = self.vehicle.chain.last().map(|(learnt, _)| learnt.state());
-        assert_eq!(Some(state), learnt, "{what}");
-        assert_eq!(self.vehicle.encoder.learnt().state(), state, "{what}");
+        let (learnt, _) = self.vehicle.chain.last().unwrap();
+        // The topside may hold more: what the vehicle forgot when it restarted, and has not learnt anew.
+        let held = self.topside.decoder.states().any(|(_, state)| state == learnt.state());
+        assert!(held, "{what}: {:?}", self.topside.decoder.states().collect::<Vec<_>>());
+        assert_eq!(self.vehicle.encoder.learnt().state(), learnt.state(), "{what}");
     }
 
     /// Runs until there were so many events, and then for some seconds without any but losses.
