@@ -1,7 +1,9 @@
 //! What is known of the parts of a picture that are memory: whether the prior shows them well.
 
+use std::sync::Arc;
+
 use crate::prior::{Doubt, RenderOptions, Splats};
-use crate::render::{Plan, Renderer};
+use crate::render::{Plan, Renderer, Scene};
 use crate::truth::{BLOCK, THRESHOLDS};
 use crate::vulkan::Error;
 use crate::{Camera, Engine, Pose, Prior};
@@ -38,31 +40,39 @@ const COVERED: f32 = 0.5;
 /// Error from which on a block is doubtful, RMS: as the truth map's.
 const DOUBTFUL: f32 = THRESHOLDS[0][0];
 
-/// Draws the doubt of a prior's splats, for one camera. Takes memory on the device for the splats once more, without
-/// their colours.
+/// Draws the doubt of a prior's splats. Takes memory on the device for the splats once more, without their colours.
 pub struct DoubtView {
-    renderer: Renderer,
-    size: [u32; 2],
+    engine: Engine,
+    scene: Arc<Scene>,
+    /// Of the camera that drew last.
+    renderer: Option<(Camera, Renderer)>,
 }
 
 impl DoubtView {
-    /// For pictures of a camera. Without doubt of the splats, all that is mapped is doubtful.
+    /// Without doubt of the splats, all that is mapped is doubtful.
     pub fn new(
         engine: &Engine,
         prior: &Prior,
         doubt: Option<&Doubt>,
-        camera: &Camera,
     ) -> Result<DoubtView, crate::Error> {
         let scene = engine.upload(&coloured(prior, doubt)?)?;
-        let renderer = engine.renderer(&scene, &camera.reduced(FACTOR), Plan::picture())?;
-        Ok(DoubtView { renderer, size: [camera.width, camera.height] })
+        Ok(DoubtView { engine: engine.clone(), scene, renderer: None })
     }
 
-    /// Draws it from a pose, into a map of any size.
-    pub fn draw(&mut self, pose: &Pose, map: &mut DoubtMap) -> Result<(), Error> {
-        let [columns, rows] = self.size.map(|side| side.div_ceil(BLOCK));
-        let width = self.renderer.camera(0).width as usize;
-        let picture = self.renderer.draw(pose)?;
+    /// Draws it as a camera sees it from a pose, into a map of any size. Another camera than before takes time.
+    pub fn draw(&mut self, camera: &Camera, pose: &Pose, map: &mut DoubtMap) -> Result<(), Error> {
+        let kept = self.renderer.take().filter(|(of, _)| of == camera);
+        let drawn_by = match kept {
+            Some(kept) => kept,
+            None => {
+                let reduced = camera.reduced(FACTOR);
+                (*camera, self.engine.renderer(&self.scene, &reduced, Plan::picture())?)
+            }
+        };
+        let (_, renderer) = self.renderer.insert(drawn_by);
+        let [columns, rows] = [camera.width, camera.height].map(|side| side.div_ceil(BLOCK));
+        let width = renderer.camera(0).width as usize;
+        let picture = renderer.draw(pose)?;
         (map.columns, map.rows) = (columns, rows);
         map.levels.clear();
         map.expected.clear();

@@ -119,14 +119,9 @@ impl Check {
         let mut check = Check::default();
         let mut renderer = PictureRenderer::new(engine, prior)?;
         let mut map = DoubtMap::default();
-        let mut view: Option<(Camera, DoubtView)> = None;
+        let mut view = DoubtView::new(engine, prior, Some(doubt))?;
         for PosedPicture { camera, pose, picture, .. } in pictures {
-            if view.as_ref().is_none_or(|(of, _)| of != camera) {
-                view = Some((*camera, DoubtView::new(engine, prior, Some(doubt), camera)?));
-            }
-            if let Some((_, view)) = &mut view {
-                view.draw(pose, &mut map)?;
-            }
+            view.draw(camera, pose, &mut map)?;
             check.add(&map, picture, renderer.render(camera, pose)?);
         }
         Ok(check)

@@ -49,8 +49,8 @@ fn map_of(prior: &Prior, pictures: &[PosedPicture], pose: &Pose) -> DoubtMap {
     let doubt = doubt_of(&engine, prior, posed, &mut || told += 1).unwrap();
     assert_eq!(told, pictures.len());
     let mut map = DoubtMap::default();
-    let mut view = DoubtView::new(&engine, prior, Some(&doubt), &CAMERA).unwrap();
-    view.draw(pose, &mut map).unwrap();
+    let mut view = DoubtView::new(&engine, prior, Some(&doubt)).unwrap();
+    view.draw(&CAMERA, pose, &mut map).unwrap();
     assert_eq!((map.columns, map.rows, map.levels.len()), (6, 4, 24));
     map
 }
@@ -90,9 +90,9 @@ fn what_no_picture_saw_is_doubtful() {
     let above = Pose::exp(&[0.0, 1.4, 0.0, 0.0, 0.0, 0.0]);
     let map = map_of(&prior, &pictures, &above);
     assert_eq!(level(&map, 1, 0), DoubtLevel::Doubtful as u8, "{map:?}");
-    let mut view = DoubtView::new(&common::engine(), &prior, None, &CAMERA).unwrap();
+    let mut view = DoubtView::new(&common::engine(), &prior, None).unwrap();
     let mut unknown = DoubtMap::default();
-    view.draw(&Pose::IDENTITY, &mut unknown).unwrap();
+    view.draw(&CAMERA, &Pose::IDENTITY, &mut unknown).unwrap();
     assert_eq!(level(&unknown, 1, 1), DoubtLevel::Doubtful as u8, "nothing vouches for it");
     assert_eq!(level(&unknown, 5, 1), DoubtLevel::NeverMapped as u8);
     common::assert_silent(&common::engine());

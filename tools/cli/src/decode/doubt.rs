@@ -4,17 +4,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use nvsprior::prior::Doubt;
-use nvsprior::{Camera, Decoder, DoubtMap, DoubtView, Engine, Pose, Prior};
+use nvsprior::{Decoder, DoubtMap, DoubtView, Engine, Pose};
 use nvsprior_inputs::args::PriorArgs;
 use nvsprior_inputs::values;
 
 /// Draws doubt, and writes it to a folder.
 pub struct DoubtFolder {
     folder: PathBuf,
-    engine: Engine,
-    prior: Prior,
-    doubt: Option<Doubt>,
-    view: Option<(Camera, DoubtView)>,
+    view: DoubtView,
     map: DoubtMap,
 }
 
@@ -32,22 +29,14 @@ impl DoubtFolder {
                 beside.display()
             );
         }
-        let (folder, engine) = (folder.to_owned(), engine.clone());
-        Ok(DoubtFolder { folder, engine, prior, doubt, view: None, map: DoubtMap::default() })
+        let view = DoubtView::new(engine, &prior, doubt.as_ref())?;
+        Ok(DoubtFolder { folder: folder.to_owned(), view, map: DoubtMap::default() })
     }
 
     /// Writes the doubt of the picture that was decoded last. `name`: of the picture.
     pub fn write(&mut self, name: &Path, decoder: &Decoder, pose: &Pose) -> anyhow::Result<()> {
-        let camera = *decoder.camera().context("no camera to draw the doubt with")?;
-        let view = match self.view.take().filter(|(of, _)| *of == camera) {
-            Some(same) => same,
-            None => {
-                let doubt = self.doubt.as_ref();
-                (camera, DoubtView::new(&self.engine, &self.prior, doubt, &camera)?)
-            }
-        };
-        let (_, view) = self.view.insert(view);
-        view.draw(pose, &mut self.map)?;
+        let camera = decoder.camera().context("no camera to draw the doubt with")?;
+        self.view.draw(camera, pose, &mut self.map)?;
         let path = self.folder.join(name);
         let DoubtMap { columns, rows, ref levels, .. } = self.map;
         let grey = image::GrayImage::from_raw(columns, rows, levels.clone());

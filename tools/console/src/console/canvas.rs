@@ -9,6 +9,7 @@ use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
 use embedded_graphics::prelude::{DrawTarget, Drawable, OriginDimensions, Pixel, Point, Size};
 use embedded_graphics::text::{Baseline, Text};
 use nvsprior::Picture;
+use nvsprior::truth;
 
 use super::overlay::Overlay;
 use super::state::PoseState;
@@ -16,7 +17,7 @@ use super::state::PoseState;
 /// Pictures are made larger by a whole number, up to about this width, so that patterns and words can be read.
 const WIDTH: u32 = 1280;
 /// Side of a block of the overlay, pixels of the picture.
-const BLOCK: usize = 16;
+const BLOCK: usize = truth::BLOCK as usize;
 /// After how many pixels a pattern repeats.
 const REPEAT: usize = 12;
 /// How much of its colour a block takes beside its pattern, of 256.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nvsprior::prior::Doubt;
 use nvsprior::truth::TruthLevel;
-use nvsprior::{Camera, Decoded, DoubtMap, DoubtView, Engine, Prior};
+use nvsprior::{Decoded, DoubtMap, DoubtView, Engine, Prior};
 use serde::Serialize;
 
 use super::pictures::Shown;
@@ -22,17 +22,17 @@ pub struct Overlay {
 
 /// Draws what is known of memory.
 pub struct MemoryView {
-    engine: Engine,
-    prior: Prior,
-    doubt: Option<Doubt>,
-    view: Option<(Camera, DoubtView)>,
+    view: DoubtView,
     map: DoubtMap,
 }
 
 impl MemoryView {
-    pub fn new(engine: &Engine, prior: &Prior, doubt: Option<Doubt>) -> MemoryView {
-        let (engine, prior) = (engine.clone(), prior.clone());
-        MemoryView { engine, prior, doubt, view: None, map: DoubtMap::default() }
+    pub fn new(
+        engine: &Engine,
+        prior: &Prior,
+        doubt: Option<&Doubt>,
+    ) -> anyhow::Result<MemoryView> {
+        Ok(MemoryView { view: DoubtView::new(engine, prior, doubt)?, map: DoubtMap::default() })
     }
 
     /// The overlay of a picture.
@@ -40,7 +40,7 @@ impl MemoryView {
         let Decoded { truth, pose, .. } = &shown.decoded;
         let mut levels = truth.levels.clone();
         if levels.contains(&(TruthLevel::NotSeen as u8)) {
-            self.draw(&shown.camera, pose)?;
+            self.view.draw(&shown.camera, pose, &mut self.map)?;
             for (level, doubt) in levels.iter_mut().zip(&self.map.levels) {
                 if *level == TruthLevel::NotSeen as u8 {
                     *level += doubt;
@@ -49,18 +49,6 @@ impl MemoryView {
         }
         let has_map = truth.thresholds.is_some();
         Ok(Overlay { columns: truth.columns as usize, levels, has_map })
-    }
-
-    fn draw(&mut self, camera: &Camera, pose: &nvsprior::Pose) -> anyhow::Result<()> {
-        let view = match self.view.take().filter(|(of, _)| of == camera) {
-            Some(same) => same,
-            None => {
-                let doubt = self.doubt.as_ref();
-                (*camera, DoubtView::new(&self.engine, &self.prior, doubt, camera)?)
-            }
-        };
-        let (_, view) = self.view.insert(view);
-        Ok(view.draw(pose, &mut self.map)?)
     }
 }
 

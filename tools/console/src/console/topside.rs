@@ -94,7 +94,7 @@ impl Topside {
     pub fn new(
         engine: &Engine,
         prior: &Prior,
-        mut options: TopsideOptions,
+        options: TopsideOptions,
     ) -> anyhow::Result<(Topside, watch::Receiver<Published>)> {
         let scene = engine.upload_for_updates(prior).context("uploading the prior")?;
         let views = SceneViews::new(engine, prior, &scene)?;
@@ -102,7 +102,7 @@ impl Topside {
         let mut topside = Topside {
             pictures: Pictures::new(engine, &scene, options.mtu)?,
             views,
-            memory: MemoryView::new(engine, prior, options.doubt.take()),
+            memory: MemoryView::new(engine, prior, options.doubt.as_ref())?,
             overlay: None,
             log: LinkLog::default(),
             peer: None,
