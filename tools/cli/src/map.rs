@@ -7,6 +7,7 @@ mod memory;
 mod report;
 mod saved;
 mod structure;
+mod video;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -31,14 +32,15 @@ use inputs::{InputArgs, MapInputs};
 use report::Report;
 use saved::Saved;
 use structure::StructureArgs;
+use video::VideoArgs;
 
 /// Train a prior from posed pictures
 ///
 /// 3D Gaussian Splatting on any Vulkan device, by the renderer that will draw the prior: the splats of a fixed budget
 /// move to where pictures need them (3DGS-MCMC). Progress shows PSNR on pictures that are held out. The state is saved
 /// now and then beside the prior (OUT.training): the same command with --resume goes on from there, to the same prior.
-/// For pictures without poses (PICTURES in place of --cameras), COLMAP is run first. --from goes on with a prior, by
-/// the pictures of a later dive.
+/// For pictures without poses (PICTURES in place of --cameras), COLMAP is run first; PICTURES may be a video. --from
+/// goes on with a prior, by the pictures of a later dive.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -92,6 +94,8 @@ pub struct Args {
     #[command(flatten)]
     structure: StructureArgs,
     #[command(flatten)]
+    video: VideoArgs,
+    #[command(flatten)]
     from: FromArgs,
 }
 
@@ -143,10 +147,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         saved::check_report(folder)?;
     }
     args.inputs.check()?;
+    let given = args.video.check(args.structure.unposed())?;
     let engine = args.device.open()?;
     let own = || args.inputs.preprocessing();
     let preprocessing = from.as_ref().map_or_else(own, |prior| *prior.preprocessing());
-    let found = args.structure.find(&args.out, args.inputs.masks())?;
+    let unposed = args.video.pictures(given, &args.out)?;
+    let found = args.structure.find(unposed.as_ref(), &args.out, args.inputs.masks())?;
     let listed = args.inputs.list(found)?;
     memory::check(&engine, &listed, &options, from.is_some())?;
     let inputs = args.inputs.read(listed, &preprocessing)?;

@@ -16,3 +16,4 @@ pub mod sheet;
 pub mod structure;
 pub mod undistort;
 pub mod values;
+pub mod video;

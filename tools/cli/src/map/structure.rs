@@ -11,14 +11,17 @@ use nvsprior_inputs::structure::{
     DEPTH, Lenses, Matching, Progress, Step, Structure, StructureOptions, find_poses,
 };
 
+use super::video::Unposed;
+
 /// Which pictures to find poses of, and how.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Pictures without poses (by COLMAP)")]
 pub struct StructureArgs {
-    /// Folder of pictures without poses. COLMAP finds these, in the folder OUT.colmap, which is kept: what is finished
-    /// there is not done again
+    /// Pictures without poses: a folder of them, or video files, of which frames are chosen into the folder
+    /// OUT.frames. COLMAP finds the poses, in the folder OUT.colmap. Both folders are kept: what is finished there is
+    /// not done again
     #[arg(value_name = "PICTURES", id = "unposed")]
-    unposed: Option<PathBuf>,
+    unposed: Vec<PathBuf>,
     /// COLMAP's camera model [default: OPENCV]
     #[arg(long, value_name = "MODEL", conflicts_with = "cameras", value_parser = MODELS)]
     camera_model: Option<String>,
@@ -68,23 +71,36 @@ enum MatchingArg {
 }
 
 impl StructureArgs {
-    /// Finds the poses, if a folder of pictures was given. COLMAP works beside `out`.
-    pub fn find(&self, out: &Path, masks: Option<&Path>) -> anyhow::Result<Option<PosedPictures>> {
-        let Some(pictures) = &self.unposed else { return Ok(None) };
+    /// The pictures or videos that were given.
+    pub fn unposed(&self) -> &[PathBuf] {
+        &self.unposed
+    }
+
+    /// Finds the poses of pictures, if there are any without. COLMAP works beside `out`.
+    pub fn find(
+        &self,
+        pictures: Option<&Unposed>,
+        out: &Path,
+        masks: Option<&Path>,
+    ) -> anyhow::Result<Option<PosedPictures>> {
+        let Some(pictures) = pictures else { return Ok(None) };
         if let Some(tree) = self.vocabulary.as_ref().filter(|tree| !tree.is_file()) {
             anyhow::bail!("{}: no such file", tree.display());
         }
         let mut shown = Shown::default();
-        let found =
-            find_poses(pictures, &work_folder(out), &self.options(masks), &mut |progress| {
-                shown.show(progress)
-            })?;
+        let found = find_poses(
+            &pictures.folder,
+            &work_folder(out),
+            &self.options(pictures, masks),
+            &mut |progress| shown.show(progress),
+        )?;
         describe(&found);
         Ok(Some(found.posed))
     }
 
-    fn options(&self, masks: Option<&Path>) -> StructureOptions {
+    fn options(&self, pictures: &Unposed, masks: Option<&Path>) -> StructureOptions {
         StructureOptions {
+            sequence: pictures.sequence,
             camera_model: self.camera_model.clone().unwrap_or_else(|| "OPENCV".into()),
             camera_params: self.camera_params.clone(),
             lenses: match self.lenses {

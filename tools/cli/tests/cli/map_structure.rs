@@ -286,6 +286,7 @@ fn colmap_finds_the_poses_of_the_demos_mapping_run() {
         camera_model: "OPENCV".into(),
         camera_params: None,
         lenses: Lenses::One,
+        sequence: false,
         matching: Matching::Auto,
         vocabulary: None,
         masks: None,

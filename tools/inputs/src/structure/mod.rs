@@ -53,6 +53,8 @@ pub struct StructureOptions {
     pub lenses: Lenses,
     /// Which pairs of pictures are compared.
     pub matching: Matching,
+    /// The pictures are frames of a video: their names tell the order of time, and neighbours overlap.
+    pub sequence: bool,
     /// A vocabulary tree of COLMAP's: with it, [`Matching::Sequential`] also finds places seen before.
     pub vocabulary: Option<PathBuf>,
     /// Folder of masks, as [`PosedOptions::masks`]. COLMAP finds those named as it names them: `a.jpg.png`.

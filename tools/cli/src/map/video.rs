@@ -1,0 +1,169 @@
+//! `nvsprior map VIDEO...`: frames of videos become the pictures.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_inputs::video::{
+    ChoiceOptions, DecoderChoice, Progress, Record, Video, frames_for_mapping,
+};
+
+/// Which frames of a video.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Videos")]
+pub struct VideoArgs {
+    /// Take at most so many frames of the videos [default: as many as overlap by 60 to 80 %]
+    #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = values::count)]
+    frames: Option<usize>,
+    /// The program that decodes videos
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras", default_value = "auto")]
+    decoder: DecoderChoice,
+}
+
+/// What was given of pictures without poses.
+pub enum Given {
+    Nothing,
+    Folder(PathBuf),
+    Videos(Vec<PathBuf>),
+}
+
+/// Pictures without poses.
+pub struct Unposed {
+    pub folder: PathBuf,
+    /// They are frames of a video, in the order of time.
+    pub sequence: bool,
+}
+
+impl VideoArgs {
+    /// Tells folders from videos, and finds out whether they are there.
+    pub fn check(&self, paths: &[PathBuf]) -> anyhow::Result<Given> {
+        if let Some(path) = paths.iter().find(|path| !path.exists()) {
+            anyhow::bail!("{}: neither a folder of pictures nor a video is there", path.display());
+        }
+        let given = match paths {
+            [] => Given::Nothing,
+            [folder] if folder.is_dir() => Given::Folder(folder.clone()),
+            videos if videos.iter().any(|path| path.is_dir()) => {
+                let what = "give one folder of pictures, or one or more videos";
+                return Err(WrongUsage(format!("PICTURES: {what}")).into());
+            }
+            videos => Given::Videos(videos.to_vec()),
+        };
+        match (&given, self.frames) {
+            (Given::Videos(_), Some(0 | 1)) => {
+                Err(WrongUsage("--frames: poses are found from at least two".into()).into())
+            }
+            (Given::Folder(_), Some(_)) => {
+                Err(WrongUsage("--frames is for videos; all pictures of a folder are used".into())
+                    .into())
+            }
+            _ => Ok(given),
+        }
+    }
+
+    /// The folder of pictures; of videos, after their frames were chosen into one beside `out`.
+    pub fn pictures(&self, given: Given, out: &Path) -> anyhow::Result<Option<Unposed>> {
+        let videos = match given {
+            Given::Nothing => return Ok(None),
+            Given::Folder(folder) => return Ok(Some(Unposed { folder, sequence: false })),
+            Given::Videos(videos) => videos,
+        };
+        let folder = frames_folder(out);
+        let options = ChoiceOptions { decoder: self.decoder, most: self.frames };
+        let mut shown = Shown::default();
+        let record =
+            frames_for_mapping(&videos, &folder, &options, &mut |progress| shown.show(progress))?;
+        describe(&record, &folder, shown.worked);
+        Ok(Some(Unposed { folder, sequence: true }))
+    }
+}
+
+fn frames_folder(out: &Path) -> PathBuf {
+    let mut name = out.file_name().unwrap_or_default().to_owned();
+    name.push(".frames");
+    out.with_file_name(name)
+}
+
+/// The work on standard error: a line for each video and step, and a bar while one runs.
+#[derive(Default)]
+struct Shown {
+    running: Option<(Instant, &'static str, ProgressBar)>,
+    worked: bool,
+}
+
+const BAR: f64 = 1000.0;
+
+impl Shown {
+    fn show(&mut self, progress: Progress) {
+        match progress {
+            Progress::Opened(video) => {
+                self.worked = true;
+                opened(video);
+            }
+            Progress::Note(note) => eprintln!("warning: {note}"),
+            Progress::Begins(step, video) => {
+                eprintln!("{}: {} …", video.name(), step.name());
+                self.running = Some((Instant::now(), step.name(), bar(video.duration.is_some())));
+            }
+            Progress::At(share) => {
+                if let Some((.., bar)) = &self.running {
+                    match share {
+                        Some(share) => bar.set_position((share * BAR) as u64),
+                        None => bar.inc(1),
+                    }
+                }
+            }
+            Progress::Ends => {
+                if let Some((start, what, bar)) = self.running.take() {
+                    bar.finish_and_clear();
+                    eprintln!("{what}: done in {:.0} s", start.elapsed().as_secs_f64());
+                }
+            }
+        }
+    }
+}
+
+fn bar(known: bool) -> ProgressBar {
+    let (bar, style) = match known {
+        true => (ProgressBar::new(BAR as u64), "frames {bar:40} {percent} % {eta} left"),
+        false => (ProgressBar::new_spinner(), "frames {pos} in {elapsed}"),
+    };
+    match ProgressStyle::with_template(style) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+fn opened(video: &Video) {
+    let header = &video.header;
+    let length = video.duration.map_or("unknown length".into(), |length| format!("{length:.1} s"));
+    eprintln!("{}: {}×{}, {length}", video.name(), header.width, header.height);
+    eprintln!("  {}", video.command);
+    if header.high_dynamic_range {
+        eprintln!(
+            "warning: {}: high dynamic range (PQ or HLG) is taken as it is, so pictures look pale; a video of \
+             standard range suits better",
+            video.name()
+        );
+    }
+    if !video.others.is_empty() {
+        eprintln!(
+            "{}: other tracks are left alone: {}; the time stamps in frames.json join them later",
+            video.name(),
+            video.others.join(", ")
+        );
+    }
+}
+
+fn describe(record: &Record, folder: &Path, worked: bool) {
+    let read: usize = record.videos.iter().map(|video| video.frames).sum();
+    let before = if worked { "" } else { " (chosen before)" };
+    let overlaps: Vec<f64> = record.frames.iter().filter_map(|frame| frame.overlap).collect();
+    let mean = 100.0 * overlaps.iter().sum::<f64>() / overlaps.len().max(1) as f64;
+    eprintln!(
+        "{} of {read} frames are in {}{before}; neighbours have {mean:.0} % in common on average",
+        record.frames.len(),
+        folder.display()
+    );
+}

@@ -1,0 +1,184 @@
+//! The programs that decode videos, and how each is called.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use super::VideoError;
+
+/// Which program is wanted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum DecoderChoice {
+    /// FFmpeg if it is there, else GStreamer; the other one if the first cannot read a video
+    #[default]
+    Auto,
+    /// gst-launch-1.0, with its plugins
+    Gstreamer,
+    /// ffmpeg, with its ffprobe
+    Ffmpeg,
+}
+
+/// A program that decodes videos.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decoder {
+    Gstreamer,
+    Ffmpeg,
+}
+
+/// How frames come out of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameSize {
+    /// As the video has them.
+    Full,
+    /// Reduced to this width, if they are wider.
+    AtMost(u32),
+}
+
+impl DecoderChoice {
+    /// The programs to try, in order: those that are there.
+    pub fn decoders(self) -> Result<Vec<Decoder>, VideoError> {
+        let wanted: &[Decoder] = match self {
+            DecoderChoice::Auto => &[Decoder::Ffmpeg, Decoder::Gstreamer],
+            DecoderChoice::Gstreamer => &[Decoder::Gstreamer],
+            DecoderChoice::Ffmpeg => &[Decoder::Ffmpeg],
+        };
+        let there: Vec<Decoder> = wanted.iter().copied().filter(|of| of.is_there()).collect();
+        match (&there[..], self) {
+            ([], DecoderChoice::Auto) => Err(VideoError::NoDecoder),
+            ([], _) => Err(VideoError::NotInstalled { decoder: wanted[0] }),
+            _ => Ok(there),
+        }
+    }
+}
+
+impl Decoder {
+    pub fn program(self) -> &'static str {
+        match self {
+            Decoder::Gstreamer => "gst-launch-1.0",
+            Decoder::Ffmpeg => "ffmpeg",
+        }
+    }
+
+    /// What the times of its stream are to be multiplied by.
+    pub fn time_scale(self) -> f64 {
+        match self {
+            Decoder::Gstreamer => 1.0,
+            Decoder::Ffmpeg => 1.0 / f64::from(FFMPEG_TIMES),
+        }
+    }
+
+    /// What Debian and Ubuntu call its packages.
+    pub fn packages(self) -> &'static str {
+        match self {
+            Decoder::Gstreamer => {
+                "gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-libav"
+            }
+            Decoder::Ffmpeg => "ffmpeg",
+        }
+    }
+
+    fn is_there(self) -> bool {
+        on_path(self.program()).is_some()
+    }
+
+    /// The arguments that decode a video to standard output: Matroska with I420, times to a microsecond. Pixels
+    /// become square, and the video's rotation is done. No frame is doubled or left out.
+    pub fn arguments(self, video: &Path, size: FrameSize) -> Vec<OsString> {
+        match self {
+            Decoder::Gstreamer => gstreamer(video, size),
+            Decoder::Ffmpeg => ffmpeg(video, size),
+        }
+    }
+}
+
+fn gstreamer(video: &Path, size: FrameSize) -> Vec<OsString> {
+    let width = match size {
+        FrameSize::Full => String::new(),
+        FrameSize::AtMost(width) => format!(",width=(int)[1,{width}]"),
+    };
+    let words = format!(
+        "-q uridecodebin uri={} caps=video/x-raw(ANY) expose-all-streams=false ! queue ! \
+         videoflip video-direction=auto ! videoscale add-borders=false ! videoconvert ! \
+         video/x-raw,format=I420,pixel-aspect-ratio=1/1{width} ! \
+         matroskamux streamable=true timecodescale=1000 min-cluster-duration=0 ! fdsink fd=1",
+        file_uri(video)
+    );
+    words.split(' ').map(OsString::from).collect()
+}
+
+/// FFmpeg's Matroska has ticks of a millisecond, so it is given times a thousandfold.
+const FFMPEG_TIMES: u32 = 1000;
+
+fn ffmpeg(video: &Path, size: FrameSize) -> Vec<OsString> {
+    let reduce = match size {
+        FrameSize::Full => String::new(),
+        FrameSize::AtMost(width) => format!("scale='min({width},iw)':-1:flags=area,"),
+    };
+    let filters = format!(
+        "scale=trunc(iw*sar+0.5):ih,setsar=1,{reduce}settb=1/1000000,setpts={FFMPEG_TIMES}*PTS"
+    );
+    let words = |text: &str| text.split(' ').map(OsString::from).collect::<Vec<_>>();
+    let mut arguments = words("-nostdin -v error -i");
+    arguments.push(protocol(video));
+    arguments.extend(words("-map 0:V:0 -vf"));
+    arguments.push(filters.into());
+    arguments.extend(words(
+        "-fps_mode passthrough -enc_time_base 1/1000 -c:v rawvideo -pix_fmt yuv420p -f matroska -",
+    ));
+    arguments
+}
+
+/// A path as ffmpeg takes it, whatever its name begins with.
+pub fn protocol(path: &Path) -> OsString {
+    let mut text = OsString::from("file:");
+    text.push(path);
+    text
+}
+
+/// The URI of an absolute path. What pipelines read otherwise is escaped.
+pub fn file_uri(path: &Path) -> String {
+    let mut uri = String::from("file://");
+    let bytes = path.as_os_str().as_encoded_bytes();
+    if cfg!(windows) {
+        uri.push('/');
+    }
+    for byte in bytes {
+        match byte {
+            b'\\' if cfg!(windows) => uri.push('/'),
+            b':' if cfg!(windows) => uri.push(':'),
+            b'/' | b'-' | b'.' | b'_' | b'~' => uri.push(char::from(*byte)),
+            byte if byte.is_ascii_alphanumeric() => uri.push(char::from(*byte)),
+            byte => uri.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    uri
+}
+
+/// Where a program is, if it is on the PATH.
+pub fn on_path(program: &str) -> Option<PathBuf> {
+    let folders = std::env::var_os("PATH")?;
+    let name = format!("{program}{}", std::env::consts::EXE_SUFFIX);
+    std::env::split_paths(&folders).map(|folder| folder.join(&name)).find(|path| path.is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn uris_hold_no_character_that_a_pipeline_reads() {
+        assert_eq!(file_uri(Path::new("/a/dive 1!.mp4")), "file:///a/dive%201%21.mp4");
+        assert_eq!(file_uri(Path::new("/ü\"'=;")), "file:///%C3%BC%22%27%3D%3B");
+    }
+
+    #[test]
+    fn analysis_asks_for_small_frames() {
+        for decoder in [Decoder::Gstreamer, Decoder::Ffmpeg] {
+            let text = |size| format!("{:?}", decoder.arguments(Path::new("/a.mp4"), size));
+            assert!(text(FrameSize::AtMost(640)).contains("640"));
+            assert!(!text(FrameSize::Full).contains("640"));
+        }
+    }
+}

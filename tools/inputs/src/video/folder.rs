@@ -1,0 +1,179 @@
+//! The folder of a mapping's frames: pictures, and `frames.json`, which tells where each comes from.
+
+use std::fs::{File, TryLockError};
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use nvsprior::prior::replace_file;
+use serde::{Deserialize, Serialize};
+
+use super::{Decoder, Video, VideoError};
+
+/// What a run was asked for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Asked {
+    pub videos: Vec<AskedVideo>,
+    pub decoder: String,
+    /// At most so many frames.
+    pub most: Option<usize>,
+}
+
+/// A video's file, as it was.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AskedVideo {
+    pub path: String,
+    pub bytes: u64,
+    /// Seconds since 1970.
+    pub modified: Option<f64>,
+}
+
+impl AskedVideo {
+    pub fn of(path: &Path) -> Result<AskedVideo, VideoError> {
+        let failed = VideoError::file(path);
+        let metadata = std::fs::metadata(path).map_err(&failed)?;
+        let since = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        let path = std::path::absolute(path).map_err(&failed)?;
+        let path = path.to_string_lossy().into_owned();
+        Ok(AskedVideo {
+            path,
+            bytes: metadata.len(),
+            modified: since.map(|time| time.as_secs_f64()),
+        })
+    }
+}
+
+/// `frames.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Whether all frames are there.
+    pub finished: bool,
+    pub asked: Asked,
+    pub videos: Vec<VideoRecord>,
+    pub frames: Vec<FrameRecord>,
+}
+
+/// A video, as it was read.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct VideoRecord {
+    pub path: String,
+    /// Of its pictures, in this folder.
+    pub folder: String,
+    pub decoder: String,
+    pub width: u32,
+    pub height: u32,
+    /// Frames that were read, and the time of the last one, seconds.
+    pub frames: usize,
+    pub last: f64,
+    /// What is said of it: that it is cut off, or breaks.
+    pub notes: Vec<String>,
+    /// Tracks that are neither pictures nor sound.
+    pub other_tracks: Vec<String>,
+}
+
+/// A picture of the folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameRecord {
+    /// From this folder.
+    pub file: String,
+    /// Number of its video, from 0.
+    pub video: usize,
+    /// Number of the frame in its video, from 0.
+    pub index: usize,
+    /// Time stamp in its video, seconds.
+    pub time: f64,
+    pub sharpness: f64,
+    /// Share in common with the picture before, of the same video.
+    pub overlap: Option<f64>,
+}
+
+const RECORD: &str = "frames.json";
+const LOCK: &str = "lock";
+
+/// A folder of frames, locked.
+pub struct Folder {
+    pub path: PathBuf,
+    pub record: Record,
+    _lock: File,
+}
+
+impl Folder {
+    /// Makes the folder, or takes up what is in it.
+    pub fn open(path: &Path) -> Result<Folder, VideoError> {
+        std::fs::create_dir_all(path).map_err(VideoError::write(path))?;
+        check_own(path)?;
+        let lock_file = path.join(LOCK);
+        let failed = VideoError::write(&lock_file);
+        let lock = File::options().create(true).append(true).open(&lock_file).map_err(&failed)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(VideoError::Busy { path: path.to_path_buf() });
+            }
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        let record = check_own(path)?;
+        Ok(Folder { path: path.to_path_buf(), record, _lock: lock })
+    }
+
+    /// Whether an earlier run wrote all that is asked for.
+    pub fn has(&self, asked: &Asked) -> bool {
+        let there = |frame: &FrameRecord| {
+            std::fs::metadata(self.path.join(&frame.file)).is_ok_and(|file| file.len() > 0)
+        };
+        let Record { finished, asked: before, frames, .. } = &self.record;
+        *finished && before == asked && frames.iter().all(there)
+    }
+
+    /// Removes the pictures of an earlier run, and notes what is begun.
+    pub fn begin(&mut self, record: Record) -> Result<(), VideoError> {
+        let earlier = std::mem::replace(&mut self.record, record);
+        self.write()?;
+        for video in &earlier.videos {
+            let path = self.path.join(&video.folder);
+            // A record that was changed by hand names no folder elsewhere.
+            let own = video.folder.starts_with(|c: char| c.is_ascii_digit());
+            if own && !video.folder.contains(['/', '\\']) && path.is_dir() {
+                std::fs::remove_dir_all(&path).map_err(VideoError::write(&path))?;
+            }
+        }
+        for video in &self.record.videos {
+            let path = self.path.join(&video.folder);
+            std::fs::create_dir_all(&path).map_err(VideoError::write(&path))?;
+        }
+        Ok(())
+    }
+
+    pub fn write(&self) -> Result<(), VideoError> {
+        let path = self.path.join(RECORD);
+        let bytes = serde_json::to_vec_pretty(&self.record).map_err(std::io::Error::from);
+        let bytes = bytes.map_err(VideoError::write(&path))?;
+        replace_file(&path, &bytes)
+            .map_err(|error| VideoError::Write { path, error: std::io::Error::other(error) })
+    }
+}
+
+/// The record of a folder; an empty one if it holds nothing but a lock.
+fn check_own(path: &Path) -> Result<Record, VideoError> {
+    let foreign = || VideoError::Foreign { path: path.to_path_buf() };
+    match std::fs::read(path.join(RECORD)) {
+        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|_| foreign()),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            let entries = std::fs::read_dir(path).map_err(VideoError::file(path))?;
+            let own = |entry: std::fs::DirEntry| entry.file_name() == LOCK;
+            if entries.flatten().all(own) { Ok(Record::default()) } else { Err(foreign()) }
+        }
+        Err(error) => Err(VideoError::File { path: path.join(RECORD), error }),
+    }
+}
+
+/// The name of a video's folder: its number, and its file's name as far as every program takes it.
+pub fn folder_name(number: usize, video: &Video) -> String {
+    let stem = video.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let kept = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
+    let name: String = stem.chars().map(kept).take(60).collect();
+    format!("{:02}-{name}", number + 1)
+}
+
+pub fn decoder_name(decoder: Decoder) -> String {
+    decoder.program().to_owned()
+}

@@ -1,0 +1,264 @@
+//! From videos to a folder of pictures for a mapping. Each video is decoded twice: small, to choose, and whole, to write.
+
+use std::path::{Path, PathBuf};
+
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+use nvsprior::Camera;
+use nvsprior::image::Converter;
+
+use super::analysis::{Analysis, Facts, WIDTH};
+use super::decoder::{DecoderChoice, FrameSize};
+use super::folder::{
+    Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, decoder_name, folder_name,
+};
+use super::frame::{VideoFrame, rgb};
+use super::reader::{Ended, VideoReader};
+use super::select::{Break, Cause, Selection, select};
+use super::{Video, VideoError};
+
+/// What is wanted of the frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ChoiceOptions {
+    pub decoder: DecoderChoice,
+    /// At most so many frames of all videos together.
+    pub most: Option<usize>,
+}
+
+/// What a run says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Progress<'a> {
+    /// A video was found to be one.
+    Opened(&'a Video),
+    /// Something that its user should know.
+    Note(String),
+    /// Work begins on a video: to look for its frames, or to write them.
+    Begins(Step, &'a Video),
+    /// Share of it that is done, if its length is known.
+    At(Option<f64>),
+    Ends,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    Choose,
+    Write,
+}
+
+impl Step {
+    pub fn name(self) -> &'static str {
+        match self {
+            Step::Choose => "choosing frames",
+            Step::Write => "writing frames",
+        }
+    }
+}
+
+type Watch<'a> = &'a mut dyn FnMut(Progress);
+
+/// JPEG's quality. What a video's coder left is finer than what this takes away, and PNG would take five times the disk.
+const QUALITY: u8 = 95;
+/// Frames are written as large as they are, up to the largest picture that is read again.
+const WHOLE: FrameSize = FrameSize::AtMost(Camera::MAX_SIDE);
+
+/// Chooses frames of videos, one after the other, and writes them into a folder, unless an earlier run has.
+pub fn frames_for_mapping(
+    videos: &[PathBuf],
+    folder: &Path,
+    options: &ChoiceOptions,
+    watch: Watch,
+) -> Result<Record, VideoError> {
+    let asked = Asked {
+        videos: videos.iter().map(|path| AskedVideo::of(path)).collect::<Result<_, _>>()?,
+        decoder: format!("{:?}", options.decoder).to_lowercase(),
+        most: options.most,
+    };
+    if folder.is_dir() {
+        let folder = Folder::open(folder)?;
+        if folder.has(&asked) {
+            return Ok(folder.record);
+        }
+    }
+    // All are looked at before hours of work.
+    let mut opened = Vec::new();
+    for path in videos {
+        let video = Video::open(path, options.decoder)?;
+        watch(Progress::Opened(&video));
+        opened.push(video);
+    }
+    let mut folder = Folder::open(folder)?;
+    let mut found = Vec::new();
+    for video in &opened {
+        found.push(choose(video, watch)?);
+    }
+    write(&mut folder, asked, &opened, found, options.most, watch)?;
+    Ok(folder.record.clone())
+}
+
+/// What was found out of a video.
+struct Found {
+    facts: Vec<Facts>,
+    aspect: f64,
+    notes: Vec<String>,
+}
+
+/// Decodes a video at a small size, and judges its frames.
+fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
+    watch(Progress::Begins(Step::Choose, video));
+    let mut reader = video.read(FrameSize::AtMost(WIDTH))?;
+    let header = *reader.header();
+    let mut analysis = Analysis::default();
+    let mut facts = Vec::new();
+    while let Some(frame) = reader.next_frame()? {
+        facts.push(analysis.judge(&frame));
+        watch(Progress::At(video.share(frame.time)));
+    }
+    watch(Progress::Ends);
+    let notes = cut_off(video, &reader, facts.last());
+    for note in &notes {
+        watch(Progress::Note(note.clone()));
+    }
+    Ok(Found { facts, aspect: f64::from(header.height) / f64::from(header.width), notes })
+}
+
+/// Whether a video ends before its end.
+fn cut_off(video: &Video, reader: &VideoReader, last: Option<&Facts>) -> Vec<String> {
+    /// Lengths that containers tell may be off by this, seconds, and by this share.
+    const OFF: (f64, f64) = (1.0, 0.01);
+    let last = last.map_or(0.0, |facts| facts.time);
+    let name = video.name();
+    match (reader.ended(), video.duration) {
+        (Some(Ended::CutOff(said)), _) => vec![format!(
+            "{name}: is cut off or damaged after {last:.1} s; what was read is used ({said})"
+        )],
+        (_, Some(length)) if last + OFF.0 + OFF.1 * length < length => vec![format!(
+            "{name}: ends after {last:.1} s, but says that it lasts {length:.1} s: it is cut off; what was read is used"
+        )],
+        _ => Vec::new(),
+    }
+}
+
+/// Decodes the videos again, and writes what was chosen.
+fn write(
+    folder: &mut Folder,
+    asked: Asked,
+    videos: &[Video],
+    found: Vec<Found>,
+    most: Option<usize>,
+    watch: Watch,
+) -> Result<(), VideoError> {
+    let selections = select_all(&found, most);
+    let mut records = Vec::new();
+    for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
+        let Selection { choices, breaks, .. } = &selections[number];
+        if choices.is_empty() {
+            return Err(VideoError::Blurred { path: video.path.clone() });
+        }
+        let mut notes = found.notes.clone();
+        for note in breaks.iter().map(|of| told(video, of)) {
+            watch(Progress::Note(note.clone()));
+            notes.push(note);
+        }
+        let last = found.facts.last();
+        records.push(VideoRecord {
+            path: video.path.to_string_lossy().into_owned(),
+            folder: folder_name(number, video),
+            decoder: decoder_name(video.decoder),
+            width: video.header.width,
+            height: video.header.height,
+            frames: last.map_or(0, |facts| facts.index + 1),
+            last: last.map_or(0.0, |facts| facts.time),
+            notes,
+            other_tracks: video.others.clone(),
+        });
+    }
+    let count: usize = selections.iter().map(|selection| selection.choices.len()).sum();
+    if count < 2 {
+        return Err(VideoError::TooFew { path: videos[0].path.clone(), found: count });
+    }
+    folder.begin(Record { finished: false, asked, videos: records, frames: Vec::new() })?;
+    for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
+        let frames = write_video(folder, (number, video), found, &selections[number], watch)?;
+        folder.record.frames.extend(frames);
+    }
+    folder.record.finished = true;
+    folder.write()
+}
+
+/// Divides the most that is wanted by what each video would have without it.
+fn select_all(found: &[Found], most: Option<usize>) -> Vec<Selection> {
+    let by = |found: &Found, most| select(&found.facts, found.aspect, most);
+    let all: Vec<Selection> = found.iter().map(|found| by(found, None)).collect();
+    let count: usize = all.iter().map(|selection| selection.choices.len()).sum();
+    let Some(most) = most.filter(|most| *most < count) else { return all };
+    let share = |selection: &Selection| (selection.choices.len() * most / count).max(1);
+    found.iter().zip(&all).map(|(found, own)| by(found, Some(share(own)))).collect()
+}
+
+fn told(video: &Video, of: &Break) -> String {
+    let Break { from, to, overlap, cause } = of;
+    let why = match cause {
+        Cause::Jump => "the picture jumps",
+        Cause::Blur => "all frames between are blurred",
+    };
+    format!(
+        "{}: the dive breaks between {from:.1} s and {to:.1} s: {why}, and what is before and after has {:.0} % in common",
+        video.name(),
+        100.0 * overlap
+    )
+}
+
+fn write_video(
+    folder: &Folder,
+    (number, video): (usize, &Video),
+    found: &Found,
+    selection: &Selection,
+    watch: Watch,
+) -> Result<Vec<FrameRecord>, VideoError> {
+    watch(Progress::Begins(Step::Write, video));
+    let mut reader = video.read(WHOLE)?;
+    let (width, height) = (reader.header().width, reader.header().height);
+    let unreadable = |error: nvsprior::image::PixelError| VideoError::NoFrame {
+        path: video.path.clone(),
+        said: error.to_string(),
+    };
+    let mut converter = Converter::new(width, height).map_err(unreadable)?;
+    let mut frames = Vec::new();
+    for choice in &selection.choices {
+        let facts = &found.facts[choice.at];
+        let Some(frame) = at(&mut reader, facts.index)? else { break };
+        let file = format!("{}/{:06}.jpg", folder.record.videos[number].folder, facts.index);
+        let picture = rgb(&mut converter, &frame).map_err(unreadable)?;
+        write_jpeg(&folder.path.join(&file), &picture)?;
+        watch(Progress::At(video.share(frame.time)));
+        frames.push(FrameRecord {
+            file,
+            video: number,
+            index: facts.index,
+            time: facts.time,
+            sharpness: facts.sharpness,
+            overlap: choice.overlap,
+        });
+    }
+    watch(Progress::Ends);
+    Ok(frames)
+}
+
+/// Reads on to a frame.
+fn at(reader: &mut VideoReader, index: usize) -> Result<Option<VideoFrame>, VideoError> {
+    while let Some(frame) = reader.next_frame()? {
+        if frame.index >= index {
+            return Ok(Some(frame));
+        }
+    }
+    Ok(None)
+}
+
+fn write_jpeg(path: &Path, picture: &nvsprior::Picture) -> Result<(), VideoError> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY)
+        .encode(&picture.data, picture.width, picture.height, ExtendedColorType::Rgb8)
+        .map_err(std::io::Error::other)
+        .and_then(|()| std::fs::write(path, bytes))
+        .map_err(VideoError::write(path))
+}

@@ -1,0 +1,25 @@
+//! Video files as frames: decoded by a program beside this one, with their time stamps, and chosen for a mapping.
+
+mod analysis;
+mod child;
+mod decoder;
+mod error;
+mod folder;
+mod frame;
+mod mapping;
+mod matroska;
+mod motion;
+mod plane;
+mod probe;
+mod reader;
+mod select;
+mod source;
+
+pub use decoder::{Decoder, DecoderChoice, FrameSize, on_path};
+pub use error::VideoError;
+pub use folder::{FrameRecord, Record, VideoRecord};
+pub use frame::{VideoFrame, rgb};
+pub use mapping::{ChoiceOptions, Progress, Step, frames_for_mapping};
+pub use matroska::Header;
+pub use reader::{Ended, VideoReader};
+pub use source::Video;

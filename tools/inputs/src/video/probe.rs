@@ -1,0 +1,183 @@
+//! What is known of a video before it is decoded: its length, and its tracks.
+
+use std::ffi::OsString;
+use std::io::Read;
+use std::path::Path;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+use super::child::Running;
+use super::decoder::{Decoder, file_uri, protocol};
+
+/// Between two looks at whether it fails.
+const LOOK: Duration = Duration::from_millis(500);
+/// How long a probe may take.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// What a video's file says of itself; not more than the decoder's programs find out.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Probe {
+    /// Seconds.
+    pub duration: Option<f64>,
+    /// Whether there is a track of pictures, if that is known.
+    pub has_video: Option<bool>,
+    /// Tracks that are neither pictures nor sound, such as subtitles with positions.
+    pub others: Vec<String>,
+}
+
+impl Probe {
+    /// Asks the decoder's program; what it does not tell stays unknown.
+    pub fn of(decoder: Decoder, video: &Path) -> Probe {
+        match decoder {
+            Decoder::Ffmpeg => ffprobe(video).unwrap_or_default(),
+            Decoder::Gstreamer => gstreamer(video),
+        }
+    }
+}
+
+fn ffprobe(video: &Path) -> Option<Probe> {
+    let words = "-v error -of json -show_entries \
+        format=duration:stream=codec_type,codec_name,codec_tag_string,duration:stream_disposition=attached_pic";
+    let mut arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
+    arguments.push(protocol(video));
+    let text = said_by("ffprobe", &arguments, |_| false);
+    parse_ffprobe(&text)
+}
+
+fn parse_ffprobe(text: &str) -> Option<Probe> {
+    let json: serde_json::Value = serde_json::from_str(text).ok()?;
+    let streams = json["streams"].as_array()?;
+    let kind = |stream: &serde_json::Value| stream["codec_type"].as_str().unwrap_or("").to_owned();
+    let pictures = |stream: &&serde_json::Value| {
+        kind(stream) == "video" && stream["disposition"]["attached_pic"] != 1
+    };
+    let seconds = |value: &serde_json::Value| -> Option<f64> {
+        value.as_str()?.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds > 0.0)
+    };
+    let others = streams.iter().filter_map(|stream| {
+        let kind = kind(stream);
+        let name = ["codec_name", "codec_tag_string"].iter().find_map(|key| stream[key].as_str());
+        let other = !["video", "audio", ""].contains(&kind.as_str());
+        other.then(|| format!("{kind} ({})", name.unwrap_or("unknown")))
+    });
+    let video = streams.iter().find(pictures);
+    let own = video.and_then(|stream| seconds(&stream["duration"]));
+    Some(Probe {
+        duration: own.or_else(|| seconds(&json["format"]["duration"])),
+        has_video: Some(video.is_some()),
+        others: others.collect(),
+    })
+}
+
+/// GStreamer's command-line program tells lengths only while it plays, so it plays a moment.
+fn gstreamer(video: &Path) -> Probe {
+    let words = format!(
+        "-v --force-position urisourcebin uri={} ! parsebin ! fakesink sync=true",
+        file_uri(video)
+    );
+    let arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
+    parse_gstreamer(&said_by(Decoder::Gstreamer.program(), &arguments, |text| {
+        text.lines().any(|line| position(line).is_some())
+    }))
+}
+
+fn parse_gstreamer(text: &str) -> Probe {
+    let mut probe = Probe::default();
+    let mut tracks: Vec<&str> = Vec::new();
+    for line in text.split(['\n', '\r']) {
+        probe.duration = probe.duration.or_else(|| position(line));
+        // Pads of the bin that parses, or of what follows it.
+        let Some((pad, caps)) = line.split_once(": caps = ") else { continue };
+        let kind = caps.split([',', ' ']).next().unwrap_or_default();
+        let parsed = pad.contains("GstParsePad") || pad.contains("fakesink");
+        if parsed && kind != "NULL" && !tracks.contains(&kind) {
+            tracks.push(kind);
+        }
+    }
+    let is_video = |kind: &&str| kind.starts_with("video/") || kind.starts_with("image/");
+    if !tracks.is_empty() {
+        probe.has_video = Some(tracks.iter().any(is_video));
+    }
+    let others = tracks.iter().filter(|kind| !is_video(kind) && !kind.starts_with("audio/"));
+    probe.others = others.map(|kind| (*kind).to_owned()).collect();
+    probe
+}
+
+/// The length that a line such as `0:00:00.1 / 0:01:00.0 (0.2 %)` has, seconds.
+fn position(line: &str) -> Option<f64> {
+    let (_, rest) = line.split_once(" / ")?;
+    let (length, _) = rest.split_once(" (")?;
+    let mut seconds = 0.0;
+    let parts: Vec<&str> = length.split(':').collect();
+    if parts.len() != 3 {
+        return None;
+    }
+    for part in parts {
+        seconds = 60.0 * seconds + part.trim().parse::<f64>().ok()?;
+    }
+    (seconds.is_finite() && seconds > 0.0).then_some(seconds)
+}
+
+/// What a program says on standard output until it ends, or `enough` has been said, or patience ends.
+fn said_by(program: &str, arguments: &[OsString], enough: impl Fn(&str) -> bool) -> String {
+    let Ok((mut running, mut output)) = Running::start(program, arguments) else {
+        return String::new();
+    };
+    let (sender, pieces) = channel();
+    let reader = std::thread::spawn(move || {
+        let mut piece = [0; 4096];
+        while let Ok(read @ 1..) = output.read(&mut piece) {
+            if sender.send(piece[..read].to_vec()).is_err() {
+                return;
+            }
+        }
+    });
+    let (mut said, end) = (Vec::new(), Instant::now() + PATIENCE);
+    while Instant::now() < end {
+        match pieces.recv_timeout(LOOK) {
+            Ok(piece) => said.extend(piece),
+            Err(RecvTimeoutError::Timeout) if !running.is_failing() => {}
+            Err(_) => break,
+        }
+        if enough(&String::from_utf8_lossy(&said).replace('\r', "\n")) {
+            break;
+        }
+    }
+    running.kill();
+    drop(pieces);
+    // It ends with the pipe.
+    let _ = reader.join();
+    String::from_utf8_lossy(&said).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ffprobe_tells_tracks_and_length() {
+        let text = r#"{"streams": [
+            {"codec_name": "mjpeg", "codec_type": "video", "disposition": {"attached_pic": 1}},
+            {"codec_name": "h264", "codec_type": "video", "duration": "12.5", "disposition": {"attached_pic": 0}},
+            {"codec_name": "aac", "codec_type": "audio"},
+            {"codec_tag_string": "gpmd", "codec_type": "data"}], "format": {"duration": "13.0"}}"#;
+        let probe = parse_ffprobe(text).unwrap();
+        assert_eq!((probe.duration, probe.has_video), (Some(12.5), Some(true)));
+        assert_eq!(probe.others, ["data (gpmd)"]);
+        let sound = r#"{"streams": [{"codec_type": "audio"}], "format": {}}"#;
+        assert_eq!(parse_ffprobe(sound).unwrap().has_video, Some(false));
+        assert_eq!(parse_ffprobe("{"), None);
+    }
+
+    #[test]
+    fn gstreamer_tells_tracks_and_length() {
+        let text = "/GstPipeline:pipeline0/GstFakeSink:fakesink0.GstPad:sink: caps = video/x-h264, level=(string)3\n\
+            /GstPipeline:pipeline0/GstParseBin:p.GstParsePad:src_1.GstProxyPad:proxypad4: caps = text/x-raw, a\n\
+            /GstPipeline:pipeline0/GstURISourceBin:u.GstGhostPad:src_0: caps = video/quicktime, variant=iso\n\
+            0:00:00.0 / 99:99:99.9\r0:00:00.1 / 0:20:05.5 (0.2 %)\r";
+        let probe = parse_gstreamer(text);
+        assert_eq!((probe.duration, probe.has_video), (Some(1205.5), Some(true)));
+        assert_eq!(probe.others, ["text/x-raw"]);
+        assert_eq!(parse_gstreamer(""), Probe::default());
+    }
+}

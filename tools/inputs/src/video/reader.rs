@@ -1,0 +1,184 @@
+//! The frames of a video, one after the other, from a program that decodes it.
+
+use std::io::{BufReader, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::process::ChildStdout;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use super::VideoError;
+use super::child::Running;
+use super::decoder::{Decoder, FrameSize};
+use super::frame::{Layout, VideoFrame};
+use super::matroska::{Header, Matroska};
+
+/// Frames that wait between the program and this one.
+const WAITING: usize = 4;
+/// A decoder that gives nothing for so long is said to be slow, and after some such times it is ended.
+const PATIENCE: Duration = Duration::from_secs(30);
+const TIMES: u64 = 4;
+/// Between two looks at how a program is that gives nothing.
+const LOOK: Duration = Duration::from_millis(500);
+/// How long a program may take to end after it said that it failed.
+const AFTER_FAILURE: Duration = Duration::from_secs(3);
+/// How long a program may take to end after its last frame.
+const TO_END: Duration = Duration::from_secs(10);
+
+/// What the reading thread sends.
+enum Message {
+    Header(Header),
+    Frame(VideoFrame),
+    /// The stream is not as it should be.
+    Broken(std::io::Error),
+}
+
+/// How a video ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ended {
+    Whole,
+    /// Amid itself: the program's last words.
+    CutOff(String),
+}
+
+pub struct VideoReader {
+    path: PathBuf,
+    decoder: Decoder,
+    command: String,
+    messages: Receiver<Message>,
+    running: Running,
+    header: Header,
+    ended: Option<Ended>,
+}
+
+impl VideoReader {
+    /// Starts the program, and waits for what it says of the frames. `path` is absolute.
+    pub fn start(
+        path: &Path,
+        decoder: Decoder,
+        size: FrameSize,
+    ) -> Result<VideoReader, VideoError> {
+        let arguments = decoder.arguments(path, size);
+        let program = decoder.program();
+        let started = Running::start(program, &arguments);
+        let (running, output) = started.map_err(|error| match error.kind() {
+            ErrorKind::NotFound => VideoError::NotInstalled { decoder },
+            _ => VideoError::File { path: program.into(), error },
+        })?;
+        let (sender, messages) = sync_channel(WAITING);
+        std::thread::spawn(move || read(output, decoder, &sender));
+        let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
+        let command = format!("{program} {}", words.join(" "));
+        let header =
+            Header { width: 0, height: 0, colour: Default::default(), high_dynamic_range: false };
+        let path = path.to_path_buf();
+        let mut reader =
+            VideoReader { path, decoder, command, messages, running, header, ended: None };
+        match reader.message()? {
+            Some(Message::Header(header)) => reader.header = header,
+            first => return Err(reader.no_frame(first)),
+        }
+        Ok(reader)
+    }
+
+    fn no_frame(&mut self, first: Option<Message>) -> VideoError {
+        let said = self.running.end(TO_END).map(|(_, said)| said).unwrap_or_default();
+        let said = match first {
+            Some(Message::Broken(error)) if said.is_empty() => error.to_string(),
+            _ => said,
+        };
+        let said = format!("{} says: {said}", self.decoder.program());
+        VideoError::NoFrame { path: self.path.clone(), said }
+    }
+
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The program with its arguments.
+    pub fn command(&self) -> &str {
+        &self.command
+    }
+
+    /// How the video ended, once it has.
+    pub fn ended(&self) -> Option<&Ended> {
+        self.ended.as_ref()
+    }
+
+    /// The next frame; `None` at the end, of which [`VideoReader::ended`] tells more.
+    pub fn next_frame(&mut self) -> Result<Option<VideoFrame>, VideoError> {
+        if self.ended.is_some() {
+            return Ok(None);
+        }
+        let broken = match self.message()? {
+            Some(Message::Frame(frame)) => return Ok(Some(frame)),
+            Some(Message::Broken(error)) => Some(error),
+            Some(Message::Header(_)) | None => None,
+        };
+        let ended = self.running.end(TO_END);
+        let (status, said) = ended.map_err(VideoError::file(&self.path))?;
+        self.ended = Some(match broken {
+            None if status.success() => Ended::Whole,
+            Some(error) if said.is_empty() => Ended::CutOff(error.to_string()),
+            None if said.is_empty() => Ended::CutOff(status.to_string()),
+            _ => Ended::CutOff(said),
+        });
+        Ok(None)
+    }
+
+    /// Waits for a message. A decoder that has failed and does not end is ended soon, one that hangs is in the end.
+    fn message(&mut self) -> Result<Option<Message>, VideoError> {
+        let since = Instant::now();
+        let mut said = 0;
+        loop {
+            match self.messages.recv_timeout(LOOK) {
+                Ok(message) => return Ok(Some(message)),
+                Err(RecvTimeoutError::Disconnected) => return Ok(None),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let waited = since.elapsed();
+            if self.running.is_failing() && waited > AFTER_FAILURE {
+                self.running.kill();
+                return Ok(None);
+            }
+            let (program, times) = (self.decoder.program(), waited.as_secs() / PATIENCE.as_secs());
+            if times > said {
+                said = times;
+                let seconds = waited.as_secs();
+                eprintln!("{}: no frame from {program} for {seconds} s", self.path.display());
+            }
+            if times >= TIMES {
+                self.running.kill();
+                let (path, seconds) = (self.path.clone(), waited.as_secs());
+                return Err(VideoError::Hangs { path, program, seconds });
+            }
+        }
+    }
+}
+
+/// Reads the program's output, until it ends or nobody listens.
+fn read(output: ChildStdout, decoder: Decoder, sender: &SyncSender<Message>) {
+    const BUFFER: usize = 1 << 18;
+    let messages = || -> std::io::Result<()> {
+        let mut stream = Matroska::open(BufReader::with_capacity(BUFFER, output))?;
+        let header = *stream.header();
+        if sender.send(Message::Header(header)).is_err() {
+            return Ok(());
+        }
+        let layout = Layout::of(decoder, header);
+        let tick = stream.tick() * decoder.time_scale();
+        let mut index = 0;
+        while let Some(block) = stream.next(layout.bytes())? {
+            let time = block.ticks as f64 * tick;
+            let frame = VideoFrame { index, time, layout, data: block.data };
+            if sender.send(Message::Frame(frame)).is_err() {
+                return Ok(());
+            }
+            index += 1;
+        }
+        Ok(())
+    };
+    if let Err(error) = messages() {
+        // If nobody listens, nobody wants to know.
+        let _ = sender.send(Message::Broken(error));
+    }
+}

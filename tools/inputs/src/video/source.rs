@@ -1,0 +1,79 @@
+//! A video file that was found to be one.
+
+use std::path::{Path, PathBuf};
+
+use super::decoder::{Decoder, DecoderChoice, FrameSize};
+use super::probe::Probe;
+use super::reader::VideoReader;
+use super::{Header, VideoError};
+
+/// A video of which a frame was read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Video {
+    /// Absolute.
+    pub path: PathBuf,
+    pub decoder: Decoder,
+    pub header: Header,
+    /// Seconds, as its file says.
+    pub duration: Option<f64>,
+    /// Tracks that are neither pictures nor sound.
+    pub others: Vec<String>,
+    /// How it is decoded.
+    pub command: String,
+}
+
+impl Video {
+    /// Reads a video's first frame, by the first of the wanted programs that can.
+    pub fn open(path: &Path, choice: DecoderChoice) -> Result<Video, VideoError> {
+        let decoders = choice.decoders()?;
+        let failed = VideoError::file(path);
+        let length = std::fs::metadata(path).map_err(&failed)?.len();
+        // A file that may not be read is found here, not by another program.
+        std::fs::File::open(path).map_err(&failed)?;
+        let path = std::path::absolute(path).map_err(&failed)?;
+        if length == 0 {
+            return Err(VideoError::Empty { path });
+        }
+        let mut said = Vec::new();
+        for decoder in decoders {
+            match Video::by(&path, decoder) {
+                Err(VideoError::NoFrame { said: own, .. }) => said.push(own),
+                other => return other,
+            }
+        }
+        Err(VideoError::NoFrame { path, said: said.join("; ") })
+    }
+
+    fn by(path: &Path, decoder: Decoder) -> Result<Video, VideoError> {
+        let probe = Probe::of(decoder, path);
+        if probe.has_video == Some(false) {
+            return Err(VideoError::NoPictures { path: path.to_path_buf() });
+        }
+        let reader = VideoReader::start(path, decoder, FrameSize::Full)?;
+        Ok(Video {
+            path: path.to_path_buf(),
+            decoder,
+            header: *reader.header(),
+            duration: probe.duration,
+            others: probe.others,
+            command: reader.command().to_owned(),
+        })
+    }
+
+    /// Decodes it from its beginning.
+    pub fn read(&self, size: FrameSize) -> Result<VideoReader, VideoError> {
+        VideoReader::start(&self.path, self.decoder, size)
+    }
+
+    /// Its file's name, for messages.
+    pub fn name(&self) -> String {
+        self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+}
+
+impl Video {
+    /// Which share of it lies before a time, if its length is known.
+    pub fn share(&self, time: f64) -> Option<f64> {
+        Some((time / self.duration?).clamp(0.0, 1.0))
+    }
+}
