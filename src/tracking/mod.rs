@@ -35,6 +35,6 @@ pub use options::{Optimizer, RefineOptions};
 pub use outcome::{Outcome, Stop};
 pub use pose_estimate::PoseEstimate;
 pub use pyramid::Pyramid;
-pub use relocaliser::{Candidate, Relocaliser};
+pub use relocaliser::{Alike, Candidate, Places, Relocaliser};
 pub use starts::{Start, StartKind, Starts};
 pub use tracker::Tracker;

@@ -10,6 +10,7 @@ mod descriptor;
 mod features;
 mod landmarks;
 mod p3p;
+mod places;
 mod resection;
 
 use glam::DVec3;
@@ -24,6 +25,7 @@ use super::hypotheses::luma;
 use descriptor::{Descriptor, distance};
 use features::{Extractor, Feature};
 use landmarks::Landmarks;
+pub use places::{Alike, Places};
 use resection::{Around, Match, Resection, TURNED, absolute, axis, relative};
 
 /// Most corners of a frame.

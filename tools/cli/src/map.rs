@@ -31,7 +31,7 @@ use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
 use report::Report;
 use saved::Saved;
-use structure::StructureArgs;
+use structure::{Search, StructureArgs};
 use video::VideoArgs;
 
 /// Train a prior from posed pictures
@@ -147,16 +147,25 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         saved::check_report(folder)?;
     }
     args.inputs.check()?;
+    let navigation = args.structure.navigation()?;
     let given = args.video.check(args.structure.unposed())?;
     let engine = args.device.open()?;
     let own = || args.inputs.preprocessing();
     let preprocessing = from.as_ref().map_or_else(own, |prior| *prior.preprocessing());
     let unposed = args.video.pictures(given, &args.out)?;
-    let found = args.structure.find(unposed.as_ref(), &args.out, args.inputs.masks())?;
+    let search = Search {
+        out: &args.out,
+        masks: args.inputs.masks(),
+        width: args.inputs.width(),
+        seed: args.seed,
+    };
+    let found = args.structure.find(unposed.as_ref(), &search, navigation)?;
+    let (found, poses) = found.unzip();
     let listed = args.inputs.list(found)?;
     memory::check(&engine, &listed, &options, from.is_some())?;
     let inputs = args.inputs.read(listed, &preprocessing)?;
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
+    report.poses = poses;
     let how = (&options.render, &preprocessing);
     let prior = write(args, from.as_ref(), container, &mapper, how)?;
     write_doubt(&engine, args, &prior, &mapper)?;

@@ -126,6 +126,11 @@ impl SizeArgs {
         SizeArgs { width }
     }
 
+    /// The width that frames are reduced to; `None`: they stay as they are.
+    pub fn most(&self) -> Option<u32> {
+        (self.width > 0).then_some(self.width)
+    }
+
     /// The camera at the size that its frames are encoded at.
     pub fn reduced(&self, camera: &Camera) -> Camera {
         camera.at_most_wide(self.width)

@@ -9,6 +9,7 @@ pub mod colmap;
 pub mod frame_file;
 pub mod input;
 pub mod mode;
+pub mod navigation;
 pub mod points;
 pub mod posed;
 pub mod run_writer;

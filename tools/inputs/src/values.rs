@@ -47,6 +47,11 @@ pub fn mse(text: &str) -> Result<f64, String> {
     within(text, 0.0, 1.0, "between 0 and 1")
 }
 
+/// An angle of a camera, degrees.
+pub fn tilt(text: &str) -> Result<f64, String> {
+    within(text, -180.0, 180.0, "between −180 and 180")
+}
+
 /// A near plane: nothing of a scene lies beyond the upper end.
 pub fn near(text: &str) -> Result<f32, String> {
     Ok(within(text, 1e-6, 1e6, "between 1e-6 and 1e6")? as f32)

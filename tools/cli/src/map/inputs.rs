@@ -133,6 +133,11 @@ impl InputArgs {
         self.masks.as_deref()
     }
 
+    /// The width of the pictures that are trained on; `None`: as they are.
+    pub fn width(&self) -> Option<u32> {
+        self.size.most()
+    }
+
     /// Finds out before hours of work whether points and masks that were given are there.
     pub fn check(&self) -> anyhow::Result<()> {
         if let Some(masks) = self.masks.as_deref().filter(|masks| !masks.is_dir()) {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use nvsprior_inputs::structure::Structure;
 use nvsprior_lab::bench::{median, plot_training};
 use nvsprior_lab::report::{Table, fixed, write_json};
 use nvsprior_train::mapper::Mapper;
@@ -14,6 +15,8 @@ use crate::sheet::{self, SheetRow};
 /// Steps whose time counts: the last ones, with all splats in use.
 const TIMED: usize = 200;
 const ROWS: usize = 8;
+/// So far below pictures that are trained on, held-out ones say that something is wrong, dB.
+const FAR_BELOW: f64 = 3.0;
 
 struct Point {
     step: u32,
@@ -23,7 +26,30 @@ struct Point {
     psnr: Vec<f64>,
 }
 
+/// How poses were found.
+pub struct Poses {
+    registered: usize,
+    pictures: usize,
+    reprojection_error: Option<f64>,
+    minutes: f64,
+    doubtful: Vec<String>,
+}
+
+impl Poses {
+    pub fn of(found: &Structure) -> Poses {
+        Poses {
+            registered: found.posed.inputs.len(),
+            pictures: found.pictures,
+            reprojection_error: found.reprojection_error,
+            minutes: found.seconds / 60.0,
+            doubtful: found.doubtful.iter().map(ToString::to_string).collect(),
+        }
+    }
+}
+
 pub struct Report {
+    /// If poses had to be found.
+    pub poses: Option<Poses>,
     folder: Option<PathBuf>,
     held_out: Vec<HeldOut>,
     points: Vec<Point>,
@@ -41,7 +67,7 @@ impl Report {
     /// Into a folder, if there is one.
     pub fn new(folder: Option<&Path>, held_out: Vec<HeldOut>) -> Report {
         let folder = folder.map(Path::to_path_buf);
-        Report { folder, held_out, points: Vec::new(), times: Vec::new(), next: 0 }
+        Report { poses: None, folder, held_out, points: Vec::new(), times: Vec::new(), next: 0 }
     }
 
     pub fn took(&mut self, time: Duration) {
@@ -139,6 +165,32 @@ impl Report {
         if rows.is_empty() { Ok(()) } else { sheet::write(path, &rows) }
     }
 
+    /// PSNR of pictures that are trained on, as many as are held out, evenly spread; dB.
+    fn trained_psnr(&self, mapper: &mut Mapper) -> anyhow::Result<Option<f64>> {
+        let (count, all) = (self.held_out.len(), mapper.pictures());
+        let chosen: Vec<_> = (0..count.min(all))
+            .map(|i| i * all / count.min(all))
+            .map(|i| (mapper.views()[i].clone(), mapper.poses()[i]))
+            .collect();
+        let mut psnr = Vec::with_capacity(chosen.len());
+        for (view, pose) in &chosen {
+            psnr.push(view.psnr(&mapper.picture(&view.camera, pose)?));
+        }
+        Ok(mean(psnr.iter().copied()))
+    }
+
+    /// What the two PSNR say of the poses.
+    fn doubt(&self, trained: Option<f64>) -> Option<String> {
+        let (held_out, trained) = (self.psnr()?, trained?);
+        (trained - held_out > FAR_BELOW).then(|| {
+            format!(
+                "pictures that were held out reach {held_out:.1} dB, those that were trained on {trained:.1} dB: the \
+                 poses are wrong, or what a picture shows no other one does; look at preview.png, take more pictures \
+                 that overlap, or give poses from elsewhere"
+            )
+        })
+    }
+
     /// Writes the figures. `forward`: seconds of a forward render of the prior.
     pub fn finish(
         &mut self,
@@ -146,6 +198,11 @@ impl Report {
         splats: usize,
         forward: f64,
     ) -> anyhow::Result<()> {
+        let trained = self.trained_psnr(mapper)?;
+        let doubt = self.doubt(trained);
+        if let Some(doubt) = &doubt {
+            eprintln!("warning: {doubt}");
+        }
         let Some(folder) = &self.folder else { return Ok(()) };
         let median = (!self.times.is_empty()).then(|| median(self.times.iter().copied()));
         let last = self.points.last();
@@ -159,7 +216,14 @@ impl Report {
             .map(|(split, psnr)| (split, json!(psnr)))
             .collect();
         let report = json!({
+            "registered": self.poses.as_ref().map(|poses| poses.registered),
+            "pictures_given": self.poses.as_ref().map(|poses| poses.pictures),
+            "reprojection_error": self.poses.as_ref().and_then(|poses| poses.reprojection_error),
+            "pose_minutes": self.poses.as_ref().map(|poses| poses.minutes),
+            "poses_doubtful": self.poses.as_ref().map(|poses| &poses.doubtful),
             "held_out_psnr": self.psnr(),
+            "trained_psnr": trained,
+            "held_out_doubtful": doubt,
             "held_out_psnr_by_split": splits,
             "iterations": mapper.steps(),
             "seconds": last.map(|point| point.seconds),

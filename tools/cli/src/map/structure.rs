@@ -1,16 +1,22 @@
 //! Pictures without poses: COLMAP finds these first.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::ValueEnum;
 use indicatif::ProgressBar;
 use nvsprior_inputs::args::progress;
+use nvsprior_inputs::navigation;
 use nvsprior_inputs::posed::PosedPictures;
 use nvsprior_inputs::structure::{
-    DEPTH, Lenses, Matching, Progress, Step, Structure, StructureOptions, find_poses,
+    DEPTH, Finder, Lenses, Matching, Navigation, Progress, Step, Structure, StructureOptions,
+    find_poses,
 };
 
+use nvsprior_inputs::values;
+
+use super::report::Poses;
 use super::video::Unposed;
 
 /// Which pictures to find poses of, and how.
@@ -18,11 +24,16 @@ use super::video::Unposed;
 #[command(next_help_heading = "Pictures without poses (by COLMAP)")]
 pub struct StructureArgs {
     /// Pictures without poses: a folder of them, or video files, of which frames are chosen into the folder
-    /// OUT.frames. COLMAP finds the poses, in the folder OUT.colmap. Both folders are kept: what is finished there is
+    /// OUT.frames. Their poses are found in the folder OUT.colmap. Both folders are kept: what is finished there is
     /// not done again
     #[arg(value_name = "PICTURES", id = "unposed")]
     unposed: Vec<PathBuf>,
-    /// COLMAP's camera model [default: OPENCV]
+    /// What finds the poses: `colmap` (on the PATH), `pycolmap` (a Python package; it is installed into a folder of its own
+    /// if it is not there), a program (another COLMAP, or a Python with pycolmap), or `auto`: COLMAP 4, else pycolmap,
+    /// else an older COLMAP [default: auto]
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras", value_parser = finder)]
+    poses: Option<Finder>,
+    /// COLMAP's camera model [default: RADIAL]
     #[arg(long, value_name = "MODEL", conflicts_with = "cameras", value_parser = MODELS)]
     camera_model: Option<String>,
     /// The camera model's parameters with commas between, in COLMAP's order (of OPENCV fx,fy,cx,cy,k1,k2,p1,p2), if the
@@ -33,13 +44,29 @@ pub struct StructureArgs {
     /// Which pictures share intrinsics [default: one, that is, all]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     lenses: Option<LensesArg>,
-    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: all of
-    /// up to 250 pictures, else those near each other [default: auto]
+    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: these, and
+    /// those that show the same place [default: auto]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     matching: Option<MatchingArg>,
-    /// A vocabulary tree of COLMAP's: with it, sequential matching also finds places seen before
+    /// What the vehicle states of its course, a CSV with the columns `file` or `time` (of the video, seconds), and some of
+    /// `north`, `east`, `depth` (metres), `heading`, `pitch`, `roll` (degrees): the prior's unit becomes a metre, and its
+    /// axes north, east, down
     #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
-    vocabulary: Option<PathBuf>,
+    navigation: Option<PathBuf>,
+    /// How far the camera looks up if the vehicle is level, degrees; below zero: down
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true,
+        requires = "navigation", value_parser = values::tilt)]
+    camera_tilt: f64,
+}
+
+fn finder(text: &str) -> Result<Finder, String> {
+    match text {
+        "" => Err("auto, colmap, pycolmap, or a program's file".into()),
+        "auto" => Ok(Finder::Auto),
+        "colmap" => Ok(Finder::Colmap),
+        "pycolmap" => Ok(Finder::Pycolmap),
+        file => Ok(Finder::File(file.into())),
+    }
 }
 
 /// Camera models of which pictures can be undistorted.
@@ -76,32 +103,31 @@ impl StructureArgs {
         &self.unposed
     }
 
-    /// Finds the poses of pictures, if there are any without. COLMAP works beside `out`.
+    /// Finds the poses of pictures, if there are any without.
     pub fn find(
         &self,
         pictures: Option<&Unposed>,
-        out: &Path,
-        masks: Option<&Path>,
-    ) -> anyhow::Result<Option<PosedPictures>> {
+        how: &Search,
+        navigation: Option<Navigation>,
+    ) -> anyhow::Result<Option<(PosedPictures, Poses)>> {
         let Some(pictures) = pictures else { return Ok(None) };
-        if let Some(tree) = self.vocabulary.as_ref().filter(|tree| !tree.is_file()) {
-            anyhow::bail!("{}: no such file", tree.display());
-        }
+        let mut options = self.options(pictures, how);
+        options.navigation =
+            navigation.map(|stated| stated.with_times(&pictures.folder)).transpose()?;
         let mut shown = Shown::default();
-        let found = find_poses(
-            &pictures.folder,
-            &work_folder(out),
-            &self.options(pictures, masks),
-            &mut |progress| shown.show(progress),
-        )?;
+        let found =
+            find_poses(&pictures.folder, &work_folder(how.out), &options, &mut |progress| {
+                shown.show(progress)
+            })?;
         describe(&found);
-        Ok(Some(found.posed))
+        let poses = Poses::of(&found);
+        Ok(Some((found.posed, poses)))
     }
 
-    fn options(&self, pictures: &Unposed, masks: Option<&Path>) -> StructureOptions {
+    fn options(&self, pictures: &Unposed, how: &Search) -> StructureOptions {
         StructureOptions {
-            sequence: pictures.sequence,
-            camera_model: self.camera_model.clone().unwrap_or_else(|| "OPENCV".into()),
+            finder: self.poses.clone().unwrap_or(Finder::Auto),
+            camera_model: self.camera_model.clone().unwrap_or_else(|| "RADIAL".into()),
             camera_params: self.camera_params.clone(),
             lenses: match self.lenses {
                 None | Some(LensesArg::One) => Lenses::One,
@@ -113,10 +139,34 @@ impl StructureArgs {
                 Some(MatchingArg::Exhaustive) => Matching::Exhaustive,
                 Some(MatchingArg::Sequential) => Matching::Sequential,
             },
-            vocabulary: self.vocabulary.clone(),
-            masks: masks.map(Path::to_path_buf),
+            sequence: pictures.sequence,
+            size: how.width.unwrap_or(u32::MAX).max(MATCHED),
+            masks: how.masks.map(Path::to_path_buf),
+            navigation: None,
+            seed: how.seed,
         }
     }
+
+    /// Reads what the vehicle states, before hours of work.
+    pub fn navigation(&self) -> anyhow::Result<Option<Navigation>> {
+        let Some(path) = &self.navigation else { return Ok(None) };
+        let (path, course) = (path.clone(), navigation::read(path)?);
+        let tilt = self.camera_tilt.to_radians();
+        Ok(Some(Navigation { path, course, times: HashMap::new(), tilt }))
+    }
+}
+
+/// Longest side of the pictures that are matched, pixels; that of those that are trained on, if it is larger.
+const MATCHED: u32 = 1280;
+
+/// What else the search for poses depends on.
+pub struct Search<'a> {
+    /// The prior: the work folder lies beside it.
+    pub out: &'a Path,
+    pub masks: Option<&'a Path>,
+    /// Width of the pictures that are trained on; `None`: as they are.
+    pub width: Option<u32>,
+    pub seed: u64,
 }
 
 fn work_folder(out: &Path) -> PathBuf {
@@ -136,11 +186,12 @@ struct Shown {
 impl Shown {
     fn show(&mut self, progress: Progress) {
         match progress {
+            Progress::Says(text) => eprintln!("{text}"),
             Progress::Begins(step) => {
-                eprintln!("COLMAP: {} …", step.name());
+                eprintln!("{} …", step.name());
                 self.running = Some((Instant::now(), bar(step)));
             }
-            Progress::WasDone(step) => eprintln!("COLMAP: {}: done before", step.name()),
+            Progress::WasDone(step) => eprintln!("{}: done before", step.name()),
             Progress::At(share) => {
                 if let Some((_, bar)) = &self.running {
                     bar.set_position((share * BAR) as u64);
@@ -150,7 +201,7 @@ impl Shown {
                 if let Some((start, bar)) = self.running.take() {
                     bar.finish_and_clear();
                     let seconds = start.elapsed().as_secs();
-                    eprintln!("COLMAP: {}: done in {seconds} s", step.name());
+                    eprintln!("{}: done in {seconds} s", step.name());
                 }
             }
         }
@@ -161,36 +212,67 @@ fn bar(step: Step) -> ProgressBar {
     progress(BAR as usize, step.name())
 }
 
+/// In what unit and axes the poses are.
+fn unit(found: &Structure) -> String {
+    let Structure { model, scale, alignment, .. } = found;
+    let aligned = alignment.as_ref();
+    let unit = match aligned.and_then(|aligned| aligned.metres) {
+        Some(metres) => format!("in metres, {:.4} for one of {}", metres * scale, model.display()),
+        None => format!(
+            "{} multiplied by {scale:.4}, so that the median depth of the scene is {DEPTH}",
+            model.display()
+        ),
+    };
+    let Some(aligned) = aligned else { return unit };
+    let up = if aligned.upright { ", z is down" } else { "" };
+    let off =
+        aligned.off.map_or(String::new(), |off| format!(", {off:.2} m off the stated places"));
+    let origin = aligned.origin;
+    let origin = match aligned.metres {
+        Some(_) => format!(", from {} m north, {} m east, {} m deep", origin.x, origin.y, origin.z),
+        None => String::new(),
+    };
+    format!("{unit}{origin}{up}{off} (stated of {} pictures)", aligned.pictures)
+}
+
 /// Names of pictures that a warning lists.
 const LISTED: usize = 10;
 /// Share of the pictures without a pose that deserves a warning.
 const MANY: f64 = 0.2;
 
 fn describe(found: &Structure) {
-    let Structure { posed, pictures, missing, models, model, scale } = found;
+    let Structure { posed, pictures, missing, pieces, .. } = found;
     let registered = posed.inputs.len();
-    eprintln!(
-        "COLMAP: poses of {registered} of {pictures} pictures; {} multiplied by {scale:.4}, so that the median depth \
-            of \
-         the scene is {DEPTH}",
-        model.display()
-    );
+    let error = found.reprojection_error.map(|error| format!(", error {error:.2} pixels"));
+    let error = error.unwrap_or_default();
+    eprintln!("poses of {registered} of {pictures} pictures{error}; {}", unit(found));
+    for reason in &found.doubtful {
+        eprintln!("warning: {reason}");
+    }
     if missing.is_empty() {
         return;
     }
     let listed = missing.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
     let others = missing.len().saturating_sub(LISTED);
     let others = if others > 0 { format!(" and {others} more") } else { String::new() };
-    eprintln!("COLMAP: no pose was found of {listed}{others}; they are left out");
-    if missing.len() as f64 > MANY * *pictures as f64 {
-        let parts = if *models > 1 {
-            format!(" COLMAP made {models} models that do not hang together; the largest is taken.")
-        } else {
-            String::new()
-        };
-        eprintln!(
-            "warning: many pictures have no pose; the prior will not show what only they show.{parts} Pictures that \
-             overlap more, or --matching exhaustive, may help"
-        );
+    eprintln!("no pose was found of {listed}{others}; they are left out");
+    if missing.len() as f64 <= MANY * *pictures as f64 {
+        return;
     }
+    let parts = match &pieces[..] {
+        [_, others @ ..] if !others.is_empty() => {
+            let others: Vec<_> = others.iter().map(usize::to_string).collect();
+            format!(
+                " They fall into {} pieces that nothing joins ({registered}, {} pictures), of which the largest is \
+                 taken: film a way from one to the other, or map each by itself.",
+                pieces.len(),
+                others.join(", ")
+            )
+        }
+        _ => String::new(),
+    };
+    eprintln!(
+        "warning: many pictures have no pose; the prior will not show what only they show.{parts} Pictures that \
+         overlap more, or --matching exhaustive, may help"
+    );
 }

@@ -1,20 +1,30 @@
 //! Poses of pictures that have none, by structure from motion: the steps of COLMAP are run in a folder that is kept.
 //!
-//! COLMAP 3.8 (Debian's) and later ones are run, on the CPU. Options that were renamed are told by each step's help.
+//! COLMAP 4, or pycolmap by the same command line, solves for all poses at once. COLMAP 3.8 (Debian's) and later ones
+//! are run as well. All run on the CPU. Options that were renamed are told by each step's help.
 
+mod estimate;
+mod finding;
+mod judge;
+mod pairs;
 mod pictures;
 mod program;
 mod record;
+mod round;
 mod steps;
 mod unit;
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use crate::colmap::{ColmapError, ColmapModel};
+use crate::navigation::{Alignment, NavigationError, StatedCourse, align};
 use crate::posed::{PosedError, PosedOptions, PosedPictures, posed_pictures};
+use crate::video::{VideoError, frame_times};
+pub use finding::Finder;
+pub use judge::Doubtful;
 use pictures::Listed;
 pub use program::Ended;
-use program::Program;
 use steps::Workplace;
 pub use unit::DEPTH;
 
@@ -32,19 +42,19 @@ pub enum Lenses {
 /// Which pairs of pictures are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Matching {
-    /// All of up to [`MAX_EXHAUSTIVE`] pictures; of more, those near each other by name.
+    /// Those near each other by name, which is the order of time, and those that show the same place. Few pictures are
+    /// all compared.
     Auto,
-    /// All.
+    /// All. Their number grows with the square.
     Exhaustive,
-    /// Those near each other by name, which must be the order of time.
+    /// Those near each other by name.
     Sequential,
 }
 
-/// Pictures of which [`Matching::Auto`] compares all pairs. Their number grows with the square.
-pub const MAX_EXHAUSTIVE: usize = 250;
-
 #[derive(Clone, Debug)]
 pub struct StructureOptions {
+    /// Which program finds poses.
+    pub finder: Finder,
     /// COLMAP's name of the camera model.
     pub camera_model: String,
     /// The model's parameters in COLMAP's order, if the camera was calibrated; they are kept.
@@ -55,23 +65,63 @@ pub struct StructureOptions {
     pub matching: Matching,
     /// The pictures are frames of a video: their names tell the order of time, and neighbours overlap.
     pub sequence: bool,
-    /// A vocabulary tree of COLMAP's: with it, [`Matching::Sequential`] also finds places seen before.
-    pub vocabulary: Option<PathBuf>,
+    /// Longest side to which pictures are reduced for matching, pixels.
+    pub size: u32,
     /// Folder of masks, as [`PosedOptions::masks`]. COLMAP finds those named as it names them: `a.jpg.png`.
     pub masks: Option<PathBuf>,
+    /// What the vehicle states of its course: it gives the unit and the vertical.
+    pub navigation: Option<Navigation>,
+    /// Seed of all that is random.
+    pub seed: u64,
+}
+
+/// A stated course, and what joins it to pictures.
+#[derive(Clone, Debug)]
+pub struct Navigation {
+    pub path: PathBuf,
+    pub course: StatedCourse,
+    /// Times of pictures in their video, by name, seconds.
+    pub times: HashMap<String, f64>,
+    /// How far the camera looks up if the vehicle is level, radians.
+    pub tilt: f64,
+}
+
+impl Navigation {
+    /// With the times of pictures that are frames of one video, as `frames.json` beside them tells.
+    pub fn with_times(self, pictures: &Path) -> Result<Navigation, StructureError> {
+        let times = frame_times(pictures)?;
+        if times.is_empty() && self.course.is_by_time() {
+            return Err(NavigationError::NoTimes { path: self.path }.into());
+        }
+        Ok(Navigation { times, ..self })
+    }
+
+    fn align(&self, posed: &mut PosedPictures) -> Result<Alignment, NavigationError> {
+        let stated = |name: &str| self.course.of(name, self.times.get(name).copied());
+        let stated: Vec<_> = posed.inputs.iter().map(|input| stated(&input.name)).collect();
+        align(posed, &stated, self.tilt, &self.path)
+    }
 }
 
 /// Pictures with the poses that were found.
 #[derive(Clone, Debug)]
 pub struct Structure {
-    /// Pictures, poses and points, in the unit of [`DEPTH`].
+    /// Pictures, poses and points, in the unit of [`DEPTH`], or as [`Alignment`] says.
     pub posed: PosedPictures,
+    /// How they fit to what the vehicle states.
+    pub alignment: Option<Alignment>,
     pub pictures: usize,
     /// Names of those whose poses were not found.
     pub missing: Vec<String>,
-    /// How many models COLMAP made, of which this is the largest.
-    pub models: usize,
-    /// The largest model's folder, in COLMAP's own unit.
+    /// How many pictures each piece has that hangs together, the largest first: that one is taken.
+    pub pieces: Vec<usize>,
+    /// Mean over the points of their reprojection error, pixels of the pictures as they are.
+    pub reprojection_error: Option<f64>,
+    /// What gives reason to doubt the poses.
+    pub doubtful: Vec<Doubtful>,
+    /// How long the search took, all steps of all runs that were not cut off, seconds.
+    pub seconds: f64,
+    /// The largest piece's folder, in COLMAP's own unit.
     pub model: PathBuf,
     /// What lengths in that folder are multiplied by.
     pub scale: f64,
@@ -80,6 +130,8 @@ pub struct Structure {
 /// What a running step says of itself.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
+    /// What a user should know.
+    Says(String),
     Begins(Step),
     /// It was finished by an earlier run.
     WasDone(Step),
@@ -95,9 +147,9 @@ pub enum Step {
     Check,
     /// COLMAP's `feature_extractor`.
     Features,
-    /// Its `exhaustive_matcher` or `sequential_matcher`.
+    /// Its `matches_importer`.
     Matches,
-    /// Its `mapper`.
+    /// Its `global_mapper`, or `mapper`.
     Mapper,
 }
 
@@ -116,10 +168,13 @@ impl Step {
 #[derive(Debug, thiserror::Error)]
 pub enum StructureError {
     #[error(
-        "pictures without poses need the program `colmap`, which is not on the PATH; on Debian or \
-        Ubuntu `apt-get install colmap`. With poses from elsewhere, give --cameras"
+        "pictures without poses need COLMAP 4 or the Python package pycolmap ({why}); install COLMAP 4, or Python 3 \
+         with venv and a network, or name a program with --poses. Debian's colmap works too, but takes hours for some \
+         hundred pictures. With poses from elsewhere, give --cameras"
     )]
-    NotInstalled,
+    NotInstalled { why: String },
+    #[error("{}: neither a COLMAP nor a Python with pycolmap", path.display())]
+    NoColmap { path: PathBuf },
     #[error("{}: {error}", path.display())]
     File { path: PathBuf, error: std::io::Error },
     #[error("{}: no pictures (PNG, JPEG, WebP) in this folder or below it", path.display())]
@@ -148,6 +203,10 @@ pub enum StructureError {
     Colmap(#[from] ColmapError),
     #[error(transparent)]
     Posed(#[from] PosedError),
+    #[error(transparent)]
+    Navigation(#[from] NavigationError),
+    #[error(transparent)]
+    Video(#[from] VideoError),
 }
 
 impl StructureError {
@@ -164,12 +223,19 @@ pub fn find_poses(
     options: &StructureOptions,
     watch: &mut dyn FnMut(Progress),
 ) -> Result<Structure, StructureError> {
-    let program = Program::find()?;
     let listed = Listed::of(pictures, options.lenses)?;
     let mut workplace = Workplace::open(work)?;
-    workplace.run(&program, &listed, options, watch)?;
+    let program = options.finder.find(watch)?;
+    watch(Progress::Says(format!("poses are found by {}", program.version())));
+    if !program.is_global() {
+        let slow = "this COLMAP is older than 4 and finds one pose after the other: some hundred pictures take hours";
+        watch(Progress::Says(slow.to_owned()));
+    }
+    let seconds = workplace.run(&program, &listed, options, watch)?;
     let log = workplace.log();
-    let (model, models) = largest(&workplace.sparse())?.ok_or(StructureError::NoModel { log })?;
+    let models = models(&workplace.sparse())?;
+    let pieces = models.iter().map(|(pictures, _)| *pictures).collect();
+    let (_, model) = models.into_iter().next().ok_or(StructureError::NoModel { log })?;
     let posed = posed_pictures(
         &model,
         &PosedOptions {
@@ -182,25 +248,39 @@ pub fn find_poses(
         let (found, log) = (posed.inputs.len(), workplace.log());
         return Err(StructureError::TooFew { found, log });
     }
-    let found: std::collections::HashSet<_> =
-        posed.inputs.iter().map(|i| i.name.as_str()).collect();
+    let found: HashSet<_> = posed.inputs.iter().map(|input| input.name.as_str()).collect();
     let missing = listed.names.iter().filter(|name| !found.contains(name.as_str()));
     let (missing, pictures) = (missing.cloned().collect(), listed.names.len());
-    let (posed, scale) = unit::scaled(posed);
-    Ok(Structure { posed, pictures, missing, models, model, scale })
+    let (mut posed, scale) = unit::scaled(posed);
+    let reprojection_error = judge::reprojection_error(&posed);
+    let mut doubtful = judge::doubtful(&posed, options.size, reprojection_error);
+    let navigation = options.navigation.as_ref();
+    let alignment = navigation.map(|navigation| navigation.align(&mut posed)).transpose()?;
+    doubtful.extend(alignment.as_ref().and_then(judge::elsewhere));
+    round::round(&mut posed);
+    Ok(Structure {
+        posed,
+        alignment,
+        pictures,
+        missing,
+        pieces,
+        reprojection_error,
+        doubtful,
+        seconds,
+        model,
+        scale,
+    })
 }
 
-/// The folder of the model with most pictures, and how many models there are.
-fn largest(sparse: &Path) -> Result<Option<(PathBuf, usize)>, StructureError> {
+/// The models' numbers of pictures, and their folders; the one with most pictures first.
+fn models(sparse: &Path) -> Result<Vec<(usize, PathBuf)>, StructureError> {
     let mut models = Vec::new();
     for entry in std::fs::read_dir(sparse).map_err(StructureError::file(sparse))? {
         let folder = entry.map_err(StructureError::file(sparse))?.path();
         if ColmapModel::is_in(&folder) {
-            let pictures = ColmapModel::open(&folder)?.views.len();
-            models.push((std::cmp::Reverse(pictures), folder));
+            models.push((ColmapModel::open(&folder)?.views.len(), folder));
         }
     }
-    models.sort();
-    let count = models.len();
-    Ok(models.into_iter().next().map(|(_, folder)| (folder, count)))
+    models.sort_by(|a, b| b.0.cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
+    Ok(models)
 }

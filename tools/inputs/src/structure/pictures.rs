@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use image::ImageReader;
+use rayon::prelude::*;
 
+use super::pairs::{Seen, luma};
 use super::{Lenses, StructureError};
 use crate::frame_file::{FrameFileError, open_image};
 use crate::posed::PosedError;
@@ -19,9 +21,12 @@ pub struct Listed {
     pub names: Vec<String>,
     /// What names, sizes and times of the files come to: other pictures, another text.
     pub digest: String,
-    /// Width of the widest one, pixels.
-    pub width: u32,
+    /// Size of the widest one, pixels.
+    pub widest: (u32, u32),
 }
+
+/// Pictures that are read at once.
+const AT_ONCE: usize = 8;
 
 impl Listed {
     /// Lists a folder and those below it. Reads each picture's size.
@@ -35,14 +40,15 @@ impl Listed {
             [one] => return Err(StructureError::One { path: one.clone() }),
             _ => {}
         }
-        let mut listed = Listed { folder, names: Vec::new(), digest: String::new(), width: 0 };
+        let mut listed =
+            Listed { folder, names: Vec::new(), digest: String::new(), widest: (0, 0) };
         let mut digest = Digest::default();
         for file in &files {
             listed.names.push(listed.name(file)?);
             digest.add(file)?;
         }
         listed.digest = digest.text();
-        listed.width = check_sizes(&files, lenses)?;
+        listed.widest = check_sizes(&files, lenses)?;
         Ok(listed)
     }
 
@@ -55,13 +61,19 @@ impl Listed {
         if name.contains(['\n', '\r']) { Err(wrong()) } else { Ok(name) }
     }
 
-    /// Reads each picture whole: a broken one is found before hours of work.
-    pub fn check(&self, mut done: impl FnMut(usize)) -> Result<(), StructureError> {
-        for (i, name) in self.names.iter().enumerate() {
-            open_image(&self.folder.join(name)).map_err(PosedError::from)?;
-            done(i + 1);
+    /// Reads each picture whole: a broken one is found before hours of work. Returns what they have in common.
+    pub fn look(&self, mut done: impl FnMut(usize)) -> Result<Seen, StructureError> {
+        let mut seen = Seen::new(self.widest, self.names.len());
+        let size = seen.size();
+        for (i, names) in self.names.chunks(AT_ONCE).enumerate() {
+            let read = |name: &String| Ok(luma(&open_image(&self.folder.join(name))?, size));
+            let lumas: Result<Vec<_>, FrameFileError> = names.par_iter().map(read).collect();
+            for luma in lumas.map_err(PosedError::from)? {
+                seen.add(&luma);
+            }
+            done(AT_ONCE * i + names.len());
         }
-        Ok(())
+        Ok(seen)
     }
 }
 
@@ -86,13 +98,13 @@ fn is_picture(path: &Path) -> bool {
     ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
 }
 
-/// Pictures that share intrinsics must share a size. The widest one's width.
-fn check_sizes(files: &[PathBuf], lenses: Lenses) -> Result<u32, StructureError> {
+/// Pictures that share intrinsics must share a size. The widest one's size.
+fn check_sizes(files: &[PathBuf], lenses: Lenses) -> Result<(u32, u32), StructureError> {
     let mut first: Option<(&PathBuf, (u32, u32))> = None;
-    let mut widest = 0;
+    let mut widest = (0, 0);
     for file in files {
         let found = size(file)?;
-        widest = widest.max(found.0);
+        widest = widest.max(found);
         let of_one_lens = |(other, _): &(&PathBuf, (u32, u32))| match lenses {
             Lenses::One => true,
             Lenses::Folder => other.parent() == file.parent(),

@@ -1,20 +1,28 @@
-//! The program `colmap`: what it can do, and a run of one of its commands.
+//! A program that finds poses, by COLMAP's command line: what it can do, and a run of one of its commands.
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 
 use super::StructureError;
 
-const NAME: &str = "colmap";
+/// pycolmap by COLMAP's command line.
+const BY_PYTHON: &str = include_str!("colmap_by_python.py");
+/// COLMAP's mapper that solves for all pictures at once: COLMAP 4 has it.
+pub const GLOBAL: &str = "global_mapper";
 /// Lines of the output that an error shows.
 const LAST: usize = 6;
 
+/// COLMAP, or a Python with pycolmap.
+#[derive(Debug)]
 pub struct Program {
-    /// The first line of its help: its version.
-    pub version: String,
+    path: PathBuf,
+    /// A Python's: what it runs.
+    script: Option<&'static str>,
+    /// All that it says of itself.
+    help: String,
 }
 
 /// How a command ended that did not end well.
@@ -43,14 +51,38 @@ pub struct WorkFolder<'a> {
 }
 
 impl Program {
-    /// Finds it on the PATH.
-    pub fn find() -> Result<Program, StructureError> {
-        let help = text(&["help"])?;
-        Ok(Program { version: help.lines().next().unwrap_or_default().trim().to_owned() })
+    /// A COLMAP, by its path or its name on the PATH.
+    pub fn colmap(path: &Path) -> Result<Program, StructureError> {
+        Program { path: path.to_path_buf(), script: None, help: String::new() }.asked()
+    }
+
+    /// A Python that has pycolmap.
+    pub fn python(path: &Path) -> Result<Program, StructureError> {
+        Program { path: path.to_path_buf(), script: Some(BY_PYTHON), help: String::new() }.asked()
+    }
+
+    /// Asks it what it is. Another program than these is refused.
+    fn asked(self) -> Result<Program, StructureError> {
+        let help = self.text(&["help"])?;
+        let program = Program { help, ..self };
+        match program.version().to_lowercase().contains("colmap") {
+            true => Ok(program),
+            false => Err(StructureError::NoColmap { path: program.path }),
+        }
+    }
+
+    /// The first line of its help.
+    pub fn version(&self) -> &str {
+        self.help.lines().next().unwrap_or_default().trim()
+    }
+
+    /// Whether it solves for all pictures at once, as COLMAP 4 does.
+    pub fn is_global(&self) -> bool {
+        self.help.split_whitespace().any(|word| word == GLOBAL)
     }
 
     pub fn options(&self, command: &str) -> Result<Options, StructureError> {
-        Ok(Options { help: text(&[command, "-h"])? })
+        Ok(Options { help: self.text(&[command, "-h"])? })
     }
 
     /// Runs a command to its end. `line` is told each line of its output.
@@ -62,14 +94,14 @@ impl Program {
     ) -> Result<(), StructureError> {
         let failed = StructureError::file(place.log);
         let mut log = File::options().create(true).append(true).open(place.log).map_err(&failed)?;
-        writeln!(log, "\n$ {NAME} {}    # {}", arguments.join(" "), self.version)
+        writeln!(log, "\n$ colmap {}    # {}", arguments.join(" "), self.version())
             .map_err(&failed)?;
         let (output, writer) = std::io::pipe().map_err(&failed)?;
-        let mut command = quiet(arguments);
+        let mut command = self.command(arguments);
         command.current_dir(place.folder);
         command.stdin(place.lock.try_clone().map_err(&failed)?);
         command.stdout(writer.try_clone().map_err(&failed)?).stderr(writer);
-        let mut child = Running(command.spawn().map_err(StructureError::file(Path::new(NAME)))?);
+        let mut child = Running(command.spawn().map_err(StructureError::file(&self.path))?);
         // The pipe ends when the child's is the last end.
         drop(command);
         let mut last = VecDeque::new();
@@ -90,6 +122,29 @@ impl Program {
         let (command, log) = (arguments[0].clone(), place.log.to_path_buf());
         Err(StructureError::Step { command, ended: Ended(status), last, log })
     }
+
+    /// A command without a window.
+    fn command<S: AsRef<std::ffi::OsStr>>(&self, arguments: &[S]) -> Command {
+        let mut command = Command::new(&self.path);
+        if let Some(script) = self.script {
+            command.args(["-c", script]);
+        }
+        command.args(arguments).env("QT_QPA_PLATFORM", "offscreen");
+        command
+    }
+
+    /// All that a short command says.
+    fn text(&self, arguments: &[&str]) -> Result<String, StructureError> {
+        let output = self.command(arguments).stdin(Stdio::null()).output();
+        let output = output.map_err(|error| match error.kind() {
+            ErrorKind::NotFound => {
+                StructureError::NotInstalled { why: format!("{}: not found", self.path.display()) }
+            }
+            _ => StructureError::File { path: self.path.clone(), error },
+        })?;
+        let all = [output.stdout, output.stderr].concat();
+        Ok(String::from_utf8_lossy(&all).into_owned())
+    }
 }
 
 /// Keeps the last lines that say something.
@@ -100,24 +155,6 @@ fn remember(last: &mut VecDeque<String>, line: &str) {
             last.pop_front();
         }
     }
-}
-
-/// A command without a window.
-fn quiet<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Command {
-    let mut command = Command::new(NAME);
-    command.args(arguments).env("QT_QPA_PLATFORM", "offscreen");
-    command
-}
-
-/// All that a short command says.
-fn text(arguments: &[&str]) -> Result<String, StructureError> {
-    let output = quiet(arguments).stdin(Stdio::null()).output();
-    let output = output.map_err(|error| match error.kind() {
-        ErrorKind::NotFound => StructureError::NotInstalled,
-        _ => StructureError::File { path: NAME.into(), error },
-    })?;
-    let all = [output.stdout, output.stderr].concat();
-    Ok(String::from_utf8_lossy(&all).into_owned())
 }
 
 /// A child that does not outlive this run of it.
@@ -166,6 +203,21 @@ pub fn registered(line: &str) -> Option<usize> {
     let (_, rest) = line.split_once("Registering image #")?;
     let (_, count) = rest.split_once('(')?;
     count.split_once(')')?.0.trim().parse().ok()
+}
+
+/// The share of the global mapper that is done when it says a line.
+pub fn mapped(line: &str) -> Option<f64> {
+    const STAGES: [(&str, f64); 8] = [
+        ("Running rotation averaging", 0.01),
+        ("Running track establishment", 0.02),
+        ("Running global positioning", 0.04),
+        ("Running iterative bundle adjustment", 0.08),
+        ("Global bundle adjustment iteration 1 / 3 finished", 0.25),
+        ("Global bundle adjustment iteration 2 / 3 finished", 0.32),
+        ("Running iterative retriangulation", 0.38),
+        ("retriangulation and refinement done", 0.98),
+    ];
+    STAGES.iter().find(|(says, _)| line.contains(says)).map(|(_, share)| *share)
 }
 
 #[cfg(test)]

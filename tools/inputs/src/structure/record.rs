@@ -1,6 +1,7 @@
 //! What was done in a work folder: `steps.json`.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,9 @@ pub struct Begun {
     pub arguments: Vec<String>,
     /// Whether it ended well.
     pub finished: bool,
+    /// How long it took.
+    #[serde(default)]
+    pub seconds: f64,
 }
 
 /// The steps that were begun, in their order, and of which pictures.
@@ -74,14 +78,20 @@ impl Record {
     /// Notes that a step begins. What came after it does not count any more.
     pub fn begin(&mut self, step: usize, arguments: &[String]) {
         self.steps.truncate(step);
-        self.steps.push(Begun { arguments: arguments.to_vec(), finished: false });
+        self.steps.push(Begun { arguments: arguments.to_vec(), finished: false, seconds: 0.0 });
     }
 
-    /// Notes that the last step ended well.
-    pub fn finish(&mut self) {
+    /// Notes that the last step ended well, in so much time.
+    pub fn finish(&mut self, time: Duration) {
         if let Some(last) = self.steps.last_mut() {
             last.finished = true;
+            last.seconds = time.as_secs_f64();
         }
+    }
+
+    /// How long a step took.
+    pub fn seconds(&self, step: usize) -> f64 {
+        self.steps.get(step).map_or(0.0, |step| step.seconds)
     }
 }
 
@@ -100,9 +110,9 @@ mod tests {
         assert_eq!(record.standing(0, &words("a")), Standing::New);
         record.begin(0, &words("a"));
         assert_eq!(record.standing(0, &words("a")), Standing::Begun);
-        record.finish();
+        record.finish(Duration::from_secs(2));
         record.begin(1, &words("b"));
-        record.finish();
+        record.finish(Duration::from_secs(2));
         assert_eq!(record.standing(0, &words("a")), Standing::Finished);
         assert_eq!(record.standing(1, &words("c")), Standing::Other);
         record.begin(0, &words("other"));

@@ -2,15 +2,16 @@
 
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
+use super::estimate::Estimate;
 use super::pictures::Listed;
-use super::program::{Program, WorkFolder, registered, share};
+use super::program::{GLOBAL, Program, WorkFolder, mapped, registered, share};
 use super::record::{LOCK, Record, Standing};
-use super::{Lenses, MAX_EXHAUSTIVE, Matching, Progress, Step, StructureError, StructureOptions};
+use super::{Lenses, Matching, Progress, Step, StructureError, StructureOptions};
 
-// What keeps the mapper from changing a lens that is known.
-const KEPT_LENS: [&str; 4] =
-    ["--Mapper.ba_refine_focal_length", "0", "--Mapper.ba_refine_extra_params", "0"];
+// What keeps a mapper from changing a lens that is known.
+const KEPT_LENS: [&str; 2] = ["ba_refine_focal_length", "ba_refine_extra_params"];
 
 // Names in the work folder.
 const DATABASE: &str = "database.db";
@@ -18,7 +19,23 @@ const LIST: &str = "pictures.txt";
 const SPARSE: &str = "sparse";
 const SPARSE_PART: &str = "sparse.part";
 
-/// Widest pictures that are small: COLMAP's own thresholds leave too little of them.
+/// The list of pairs that are compared at a time. Another way to choose them has another name.
+fn pairs_file(matching: Matching) -> &'static str {
+    match matching {
+        Matching::Auto => "pairs-auto.txt",
+        Matching::Exhaustive => "pairs-exhaustive.txt",
+        Matching::Sequential => "pairs-sequential.txt",
+    }
+}
+
+/// Pairs that one run of the program compares: progress is told between runs.
+const PAIRS_AT_ONCE: usize = 200;
+/// Most features of a picture.
+const FEATURES: &str = "4096";
+/// Most tracks of features per picture, in the first solution. With all of them it takes five times as long, and comes
+/// to the same.
+const TRACKS: &str = "500";
+/// Longest side of pictures that are small: the program's own thresholds leave too little of them.
 const SMALL: u32 = 800;
 // What small pictures need. Of 84 pictures of 320×180, 13 got a pose by COLMAP's defaults, and 72 so.
 const SMALL_FEATURES: [&str; 2] = ["--SiftExtraction.peak_threshold", "0.002"];
@@ -68,48 +85,85 @@ impl Workplace {
         self.folder.join(SPARSE)
     }
 
-    /// Runs what is not done yet.
+    /// Runs what is not done yet. Returns the seconds that all steps took.
     pub fn run(
         &mut self,
         program: &Program,
         listed: &Listed,
         options: &StructureOptions,
         watch: Watch,
-    ) -> Result<(), StructureError> {
+    ) -> Result<f64, StructureError> {
         if self.record.pictures != listed.digest {
             self.record = Record { pictures: listed.digest.clone(), steps: Vec::new() };
             self.record.write(&self.folder)?;
         }
         let features = features(program, listed, options)?;
-        if self.record.standing(0, &features) != Standing::Finished {
-            self.check(listed, watch)?;
-        }
-        self.step(0, Step::Features, program, &features, watch)?;
         let matches = matches(program, listed, options)?;
-        self.step(1, Step::Matches, program, &matches, watch)?;
-        let mapper = mapper(listed, options);
-        self.step(2, Step::Mapper, program, &mapper, watch)
+        let done = [&features, &matches].into_iter().enumerate();
+        let mut done = done.map(|(i, step)| self.record.standing(i, step) == Standing::Finished);
+        let pairs = match done.all(|done| done) {
+            true => Vec::new(),
+            false => self.look(listed, options, watch)?,
+        };
+        let mut estimate = Estimate::new(listed, options, &pairs);
+        if !pairs.is_empty() {
+            watch(Progress::Says(estimate.text(Step::Features)));
+        }
+        self.step((0, Step::Features), program, &features, watch, |place, watch| {
+            place.command(program, &features, |line| tell(share(line), watch))
+        })?;
+        if !pairs.is_empty() {
+            estimate.took(Step::Features, self.record.seconds(0));
+            watch(Progress::Says(estimate.text(Step::Matches)));
+        }
+        self.step((1, Step::Matches), program, &matches, watch, |place, watch| {
+            let list = place.folder.join(pairs_file(options.matching));
+            place.compare(program, &matches, (listed, &list), &pairs, watch)
+        })?;
+        let mapper = mapper(program, listed, options);
+        let pictures = listed.names.len() as f64;
+        self.step((2, Step::Mapper), program, &mapper, watch, |place, watch| {
+            let share = |line: &str| registered(line).map(|count| count as f64 / pictures);
+            let done = place.command(program, &mapper, |line| {
+                tell(mapped(line).or_else(|| share(line)), watch);
+            });
+            done.or_else(|error| place.no_model(error))?;
+            place.rename_models()
+        })?;
+        Ok((0..3).map(|step| self.record.seconds(step)).sum())
     }
 
-    fn check(&self, listed: &Listed, watch: Watch) -> Result<(), StructureError> {
+    /// Reads all pictures, and says which pairs of them are to be compared.
+    fn look(
+        &self,
+        listed: &Listed,
+        options: &StructureOptions,
+        watch: Watch,
+    ) -> Result<Vec<(usize, usize)>, StructureError> {
         watch(Progress::Begins(Step::Check));
         let count = listed.names.len() as f64;
-        listed.check(|done| watch(Progress::At(done as f64 / count)))?;
+        let seen = listed.look(|done| watch(Progress::At(done as f64 / count)))?;
         let list = self.folder.join(LIST);
         std::fs::write(&list, listed.names.join("\n") + "\n")
             .map_err(StructureError::file(&list))?;
         watch(Progress::Ends(Step::Check));
-        Ok(())
+        let in_order = options.sequence || seen.in_order();
+        if options.matching == Matching::Auto && !in_order {
+            let says =
+                "the order of the names is not that of time: pictures that look alike are compared";
+            watch(Progress::Says(says.to_owned()));
+        }
+        Ok(seen.pairs(options.matching, in_order))
     }
 
     /// Runs a step unless it is done. Matching that was cut off goes on; other steps begin again.
     fn step(
         &mut self,
-        index: usize,
-        step: Step,
+        (index, step): (usize, Step),
         program: &Program,
         arguments: &[String],
         watch: Watch,
+        run: impl FnOnce(&Workplace, Watch) -> Result<(), StructureError>,
     ) -> Result<(), StructureError> {
         let standing = self.record.standing(index, arguments);
         if standing == Standing::Finished {
@@ -117,26 +171,35 @@ impl Workplace {
             return Ok(());
         }
         watch(Progress::Begins(step));
+        let start = Instant::now();
         self.record.begin(index, arguments);
         self.record.write(&self.folder)?;
         self.prepare(step, standing, program)?;
-        let pictures = self.pictures();
-        self.command(program, arguments, |line| {
-            let share = match step {
-                Step::Mapper => registered(line).map(|count| count as f64 / pictures),
-                _ => share(line),
-            };
-            if let Some(share) = share {
-                watch(Progress::At(share.min(1.0)));
-            }
-        })
-        .or_else(|error| self.no_model(step, error))?;
-        if step == Step::Mapper {
-            self.rename_models()?;
-        }
-        self.record.finish();
+        run(self, watch)?;
+        self.record.finish(start.elapsed());
         self.record.write(&self.folder)?;
         watch(Progress::Ends(step));
+        Ok(())
+    }
+
+    /// Compares pairs, some at a time.
+    fn compare(
+        &self,
+        program: &Program,
+        arguments: &[String],
+        (listed, list): (&Listed, &Path),
+        pairs: &[(usize, usize)],
+        watch: Watch,
+    ) -> Result<(), StructureError> {
+        let name = |i: usize| &listed.names[i];
+        let mut done = 0;
+        for some in pairs.chunks(PAIRS_AT_ONCE) {
+            let lines = some.iter().map(|(a, b)| format!("{} {}\n", name(*a), name(*b)));
+            std::fs::write(list, lines.collect::<String>()).map_err(StructureError::file(list))?;
+            self.command(program, arguments, |_| {})?;
+            done += some.len();
+            watch(Progress::At(done as f64 / pairs.len() as f64));
+        }
         Ok(())
     }
 
@@ -191,18 +254,16 @@ impl Workplace {
         program.run(arguments, &place, line)
     }
 
-    /// The mapper fails with exit code 1 if it makes no model: that needs other words.
-    fn no_model(&self, step: Step, error: StructureError) -> Result<(), StructureError> {
+    /// A mapper fails with exit code 1 if it makes no model: that needs other words.
+    fn no_model(&self, error: StructureError) -> Result<(), StructureError> {
         let code = match &error {
             StructureError::Step { ended, .. } => ended.code(),
             _ => None,
         };
         let mut made = std::fs::read_dir(self.folder.join(SPARSE_PART)).into_iter().flatten();
-        match step {
-            Step::Mapper if code == Some(1) && made.next().is_none() => {
-                Err(StructureError::NoModel { log: self.log() })
-            }
-            _ => Err(error),
+        match code == Some(1) && made.next().is_none() {
+            true => Err(StructureError::NoModel { log: self.log() }),
+            false => Err(error),
         }
     }
 
@@ -210,10 +271,12 @@ impl Workplace {
         let [from, to] = [self.folder.join(SPARSE_PART), self.sparse()];
         std::fs::rename(&from, &to).map_err(StructureError::file(&from))
     }
+}
 
-    fn pictures(&self) -> f64 {
-        let count = self.record.pictures.split(' ').next().and_then(|count| count.parse().ok());
-        count.unwrap_or(1.0)
+/// Tells how much of a step is done, if a line says so.
+fn tell(share: Option<f64>, watch: Watch) {
+    if let Some(share) = share {
+        watch(Progress::At(share.min(1.0)));
     }
 }
 
@@ -245,9 +308,15 @@ fn features(
         let masks = std::path::absolute(masks).map_err(StructureError::file(masks))?;
         arguments.extend(words(&["--ImageReader.mask_path", &masks.to_string_lossy()]));
     }
-    let gpu = known.known(&["--FeatureExtraction.use_gpu", "--SiftExtraction.use_gpu"]);
-    arguments.extend(gpu.iter().flat_map(|option| words(&[option, "0"])));
-    if listed.width <= SMALL {
+    let of_kind = |names: &[&'static str], value: &str| {
+        known.known(names).map(|option| words(&[option, value])).unwrap_or_default()
+    };
+    let gpu = ["--FeatureExtraction.use_gpu", "--SiftExtraction.use_gpu"];
+    arguments.extend(of_kind(&gpu, "0"));
+    let size = ["--FeatureExtraction.max_image_size", "--SiftExtraction.max_image_size"];
+    arguments.extend(of_kind(&size, &options.size.to_string()));
+    arguments.extend(words(&["--SiftExtraction.max_num_features", FEATURES]));
+    if listed.widest.0 <= SMALL {
         arguments.extend(words(&SMALL_FEATURES));
     }
     Ok(arguments)
@@ -258,38 +327,45 @@ fn matches(
     listed: &Listed,
     options: &StructureOptions,
 ) -> Result<Vec<String>, StructureError> {
-    let exhaustive = match options.matching {
-        Matching::Auto => listed.names.len() <= MAX_EXHAUSTIVE,
-        Matching::Exhaustive => true,
-        Matching::Sequential => false,
+    const COMMAND: &str = "matches_importer";
+    let known = program.options(COMMAND)?;
+    let mut arguments = words(&[COMMAND, "--database_path", DATABASE]);
+    arguments.extend(words(&[
+        "--match_list_path",
+        pairs_file(options.matching),
+        "--match_type",
+        "pairs",
+    ]));
+    let mut set = |names: &[&'static str], value: &str| {
+        let option = known.known(names);
+        arguments.extend(option.iter().flat_map(|option| words(&[option, value])));
     };
-    let command = if exhaustive { "exhaustive_matcher" } else { "sequential_matcher" };
-    let known = program.options(command)?;
-    let mut arguments = words(&[command, "--database_path", DATABASE]);
-    let gpu = known.known(&["--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"]);
-    arguments.extend(gpu.iter().flat_map(|option| words(&[option, "0"])));
-    let names = ["--FeatureMatching.guided_matching", "--SiftMatching.guided_matching"];
-    if let (true, Some(option)) = (listed.width <= SMALL, known.known(&names)) {
-        arguments.extend(words(&[option, "1"]));
-    }
-    if let (false, Some(tree)) = (exhaustive, &options.vocabulary) {
-        let tree = std::path::absolute(tree).map_err(StructureError::file(tree))?;
-        arguments.extend(words(&["--SequentialMatching.loop_detection", "1"]));
-        let tree = tree.to_string_lossy();
-        arguments.extend(words(&["--SequentialMatching.vocab_tree_path", &tree]));
+    set(&["--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"], "0");
+    set(&["--TwoViewGeometry.random_seed"], &options.seed.to_string());
+    if listed.widest.0 <= SMALL {
+        set(&["--FeatureMatching.guided_matching", "--SiftMatching.guided_matching"], "1");
     }
     Ok(arguments)
 }
 
-fn mapper(listed: &Listed, options: &StructureOptions) -> Vec<String> {
+fn mapper(program: &Program, listed: &Listed, options: &StructureOptions) -> Vec<String> {
     let folder = listed.folder.to_string_lossy();
-    let mut arguments = words(&["mapper", "--database_path", DATABASE, "--image_path", &folder]);
+    let (command, group) = match program.is_global() {
+        true => (GLOBAL, "GlobalMapper"),
+        false => ("mapper", "Mapper"),
+    };
+    let mut arguments = words(&[command, "--database_path", DATABASE, "--image_path", &folder]);
     arguments.extend(words(&["--output_path", SPARSE_PART]));
-    if listed.width <= SMALL {
+    if program.is_global() {
+        let seed = options.seed.to_string();
+        arguments.extend(words(&["--GlobalMapper.random_seed", &seed]));
+        arguments.extend(words(&["--GlobalMapper.track_required_tracks_per_view", TRACKS]));
+    } else if listed.widest.0 <= SMALL {
         arguments.extend(words(&SMALL_MAPPER));
     }
     if options.camera_params.is_some() {
-        arguments.extend(words(&KEPT_LENS));
+        arguments
+            .extend(KEPT_LENS.iter().flat_map(|name| words(&[&format!("--{group}.{name}"), "0"])));
     }
     arguments
 }

@@ -1,5 +1,6 @@
 //! The folder of a mapping's frames: pictures, and `frames.json`, which tells where each comes from.
 
+use std::collections::HashMap;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -150,6 +151,20 @@ impl Folder {
         replace_file(&path, &bytes)
             .map_err(|error| VideoError::Write { path, error: std::io::Error::other(error) })
     }
+}
+
+/// Times of the pictures of a folder by their names, seconds, if they are frames of one video: else there are none.
+pub fn frame_times(folder: &Path) -> Result<HashMap<String, f64>, VideoError> {
+    let path = folder.join(RECORD);
+    if !path.is_file() {
+        return Ok(HashMap::new());
+    }
+    let bytes = std::fs::read(&path).map_err(VideoError::file(&path))?;
+    let foreign = |_| VideoError::Foreign { path: folder.to_path_buf() };
+    let record: Record = serde_json::from_slice(&bytes).map_err(foreign)?;
+    let one = record.videos.len() == 1;
+    let times = record.frames.into_iter().filter(|_| one).map(|frame| (frame.file, frame.time));
+    Ok(times.collect())
 }
 
 /// The record of a folder; an empty one if it holds nothing but a lock.

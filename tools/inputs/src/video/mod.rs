@@ -17,7 +17,7 @@ mod source;
 
 pub use decoder::{Decoder, DecoderChoice, FrameSize, on_path};
 pub use error::VideoError;
-pub use folder::{FrameRecord, Record, VideoRecord};
+pub use folder::{FrameRecord, Record, VideoRecord, frame_times};
 pub use frame::{VideoFrame, rgb};
 pub use mapping::{ChoiceOptions, Progress, Step, frames_for_mapping};
 pub use matroska::Header;
