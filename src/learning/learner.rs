@@ -409,7 +409,7 @@ impl Learner {
         let [first, part_of] = [corner, part].map(|pair| pair.map(|v| v as usize));
         let frame = frame.part(size[0] as usize, first, part_of);
         let camera = camera_of(&key.camera, corner, part);
-        let view = TrainingView { camera: &camera, pose: &key.pose, frame: &frame };
+        let view = TrainingView { camera: &camera, pose: &key.pose, frame: &frame, factor: 1 };
         Ok(self.trainer.step(&view, &draft.course.at(draft.step, shown))?)
     }
 

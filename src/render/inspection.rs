@@ -35,7 +35,7 @@ pub fn stages(device: &Device) -> Result<Vec<Stage>, Error> {
             stages.push(stage(name, Some(prior), kernel)?);
         }
     }
-    for (name, kernel) in TrainingKernels::new(device)?.all() {
+    for (name, kernel) in TrainingKernels::new(device, Splats::MAX_SH_DEGREE)?.all() {
         stages.push(stage(name, None, kernel)?);
     }
     Ok(stages)

@@ -154,22 +154,22 @@ mod training {
     kernels! {
         /// Pipelines of training.
         TrainingKernels:
-        train_activate = train_activate(5, 0);
-        train_slots = train_slots(6, 0);
-        ssim_rows = ssim_rows(4, 0);
-        ssim_columns = ssim_columns(3, 0);
-        ssim_back = ssim_back(3, 0);
-        ssim_gradient = ssim_gradient(6, 0);
+        train_activate = train_activate(5, 0), in lockstep: train_activate_lockstep;
+        train_slots = train_slots(7, 0);
+        ssim_rows = ssim_rows(4, 0), in lockstep: ssim_rows_lockstep;
+        ssim_columns = ssim_columns(4, 0), in lockstep: ssim_columns_lockstep;
+        ssim_back = ssim_back(4, 0), in lockstep: ssim_back_lockstep;
+        ssim_gradient = ssim_gradient(7, 0), in lockstep: ssim_gradient_lockstep;
         loss_gradient = loss_gradient(5, 0);
         splat_backward = splat_backward(8, 0), in lockstep: splat_backward_lockstep;
         train_gradient = train_gradient(8, 0);
-        train_step = train_step(11, 0);
+        train_step = train_step(11, 0), in lockstep: train_step_lockstep;
     }
 
     impl TrainingKernels {
         /// Builds every pipeline.
-        pub fn new(device: &Device) -> Result<TrainingKernels, Error> {
-            TrainingKernels::build(device, &[])
+        pub fn new(device: &Device, sh_degree: u32) -> Result<TrainingKernels, Error> {
+            TrainingKernels::build(device, &[(SH_DEGREE, sh_degree)])
         }
     }
 }

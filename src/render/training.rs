@@ -10,10 +10,10 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::prior::RenderOptions;
-use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, Groups, Params, sh_planes};
+use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, Groups, Params, TILE, sh_planes};
 use crate::training::{
-    FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, RUN, RUNS,
-    SSIM_MAPS, SSIM_PARTIALS, SlotCounters, planes,
+    FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, NO_PAIR, PAIR_FLOATS, RUN,
+    RUNS, SSIM_MAPS, SlotCounters, planes,
 };
 use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
@@ -41,7 +41,7 @@ const PAIRS_PER_SPLAT: u32 = 5;
 /// What is trained.
 #[derive(Clone, Debug)]
 pub struct TrainingPlan {
-    /// Size of all pictures, pixels.
+    /// Size of the largest pictures, pixels.
     pub size: [u32; 2],
     /// How the prior will be rendered.
     pub options: RenderOptions,
@@ -96,6 +96,23 @@ impl TrainingFrame {
         TrainingFrame { words }
     }
 
+    /// The frame whose pixels are means over `factor × factor` blocks of this one's, which is `width` wide: of those
+    /// that count. See [`Camera::reduced`].
+    pub fn reduced(&self, width: usize, factor: usize) -> TrainingFrame {
+        let columns = width / factor;
+        let rows = self.words.len() / width / factor;
+        TrainingFrame::from_fn(columns * rows, |pixel| {
+            let first = pixel / columns * factor * width + pixel % columns * factor;
+            let block = (0..factor * factor).map(|k| first + k / factor * width + k % factor);
+            let (mut sum, mut count) = ([0.0; 3], 0.0);
+            for colour in block.filter_map(|at| self.colour(at)) {
+                sum = [0, 1, 2].map(|c| sum[c] + colour[c]);
+                count += 1.0;
+            }
+            (count > 0.0).then(|| sum.map(|channel| channel / count))
+        })
+    }
+
     /// A pixel's colour; `None` if it does not count.
     pub fn colour(&self, pixel: usize) -> Option<[f32; 3]> {
         let word = self.words[pixel];
@@ -107,12 +124,14 @@ impl TrainingFrame {
 /// A camera's frame with its pose.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingView<'a> {
-    /// The camera, of the plan's size.
+    /// The camera, of the plan's size or smaller.
     pub camera: &'a Camera,
     /// Its pose.
     pub pose: &'a Pose,
     /// What it saw.
     pub frame: &'a TrainingFrame,
+    /// Side of the block of a picture's pixels that is one of this view's; 1 if it is not reduced.
+    pub factor: u32,
 }
 
 /// The splats and what Adam knows of them: planes of one float per splat, in the order of `nvsprior_kernels::training`.
@@ -142,11 +161,16 @@ struct Fixed {
     training: Buffer,
     frame: Buffer,
     parameters: Buffer,
-    first: Buffer,
-    second: Buffer,
+    /// Means of the gradients and of their squares, in pairs.
+    moments: Buffer,
     starts: Buffer,
+    /// The splats that take a step.
+    seen: Buffer,
     maps: Buffer,
+    /// SSIM's derivatives by variance and covariance.
     partials: Buffer,
+    /// Those by the mean: as they are, and blurred along rows.
+    means: Buffer,
     gradient: Buffer,
     slot_counters: Buffer,
     slot_counters_read: Buffer,
@@ -169,6 +193,8 @@ pub struct Trainer {
     splats: Arc<SplatBuffers>,
     /// Place of the first splat that is trained.
     first: u32,
+    /// Splats in use, the first ones of those that are trained.
+    in_use: u32,
     levels: LevelBuffers,
     bytes: Bytes,
     fixed: Fixed,
@@ -181,6 +207,8 @@ pub struct Trainer {
 struct Recorded {
     picture: Option<Commands>,
     step: Option<Commands>,
+    /// The pictures' size that the step was recorded for.
+    size: [u32; 2],
 }
 
 impl Recorded {
@@ -206,12 +234,13 @@ impl Fixed {
             training: Buffer::new::<Training>(device, "training", 1, Memory::Upload)?,
             frame: Buffer::new::<u32>(device, "frame", pixels, Memory::Upload)?,
             parameters: own("parameters", numbers)?,
-            first: own("means of gradients", numbers)?,
-            second: own("means of squares", numbers)?,
+            moments: own("means of gradients", 2 * numbers)?,
             // Lists of tiles may hold the splat after the last, which shows nothing.
             starts: own("first slots", splats + 1)?,
-            maps: own("blurred maps", 3 * SSIM_MAPS as usize * pixels)?,
-            partials: own("derivatives of SSIM", 3 * SSIM_PARTIALS as usize * pixels)?,
+            seen: own("splats in view", plan.splats as usize)?,
+            maps: own("blurred maps", 3 * 2 * SSIM_MAPS as usize * pixels)?,
+            partials: own("derivatives of SSIM", 3 * 2 * pixels)?,
+            means: own("derivatives by means", 3 * 2 * pixels)?,
             gradient: own("gradient of the loss", GRADIENT_PIXEL as usize * pixels)?,
             slot_counters: counters(Memory::Device)?,
             slot_counters_read: counters(Memory::Readback)?,
@@ -227,7 +256,7 @@ impl Grown {
         slot_capacity: u32,
     ) -> Result<Grown, Error> {
         let own = |name, count| Buffer::new::<u32>(device, name, count, Memory::Device);
-        let sums = pair_capacity as usize * PAIR_SUMS as usize;
+        let sums = pair_capacity as usize * 2 * PAIR_FLOATS as usize;
         Ok(Grown {
             work: Workspace::new(device, splats, pair_capacity, false)?,
             slots: own("slots", slot_capacity as usize)?,
@@ -302,16 +331,23 @@ impl Trainer {
         Ok(Trainer {
             device: device.clone(),
             kernels: kernels.clone(),
-            own: TrainingKernels::new(device)?,
+            own: TrainingKernels::new(device, plan.sh_degree)?,
             bytes: Bytes::new(device, &levels)?,
             fixed: Fixed::new(device, plan, splats.room)?,
             grown: Grown::new(device, &splats, pairs, slots)?,
             plan: plan.clone(),
+            in_use: plan.splats,
             splats,
             first,
             levels,
             recorded: Recorded::default(),
         })
+    }
+
+    /// Says that only the first so many splats are in use, at least one: the others are not looked at. At first all
+    /// are.
+    pub fn set_in_use(&mut self, splats: u32) {
+        self.in_use = splats.clamp(1, self.plan.splats);
     }
 
     /// Sets splats and what is known of their gradients.
@@ -320,11 +356,13 @@ impl Trainer {
     /// If the planes are not those of the plan.
     pub fn set(&mut self, state: &TrainingState) -> Result<(), Error> {
         let numbers = self.plan.numbers();
-        let Fixed { parameters, first, second, .. } = &self.fixed;
-        for (from, to) in
-            [(&state.parameters, parameters), (&state.first, first), (&state.second, second)]
-        {
-            assert_eq!(from.len(), numbers, "planes of the plan");
+        let TrainingState { parameters, first, second } = state;
+        for planes in [parameters, first, second] {
+            assert_eq!(planes.len(), numbers, "planes of the plan");
+        }
+        let moments: Vec<[f32; 2]> = first.iter().zip(second).map(|(a, b)| [*a, *b]).collect();
+        let Fixed { parameters: to, moments: to_moments, .. } = &self.fixed;
+        for (from, to) in [(parameters.as_slice(), to), (moments.as_flattened(), to_moments)] {
             let upload = Buffer::from_slice(&self.device, "state", from)?;
             let mut recorder = Recorder::new(&self.device, Timing::None)?;
             recorder.copy(&upload, to);
@@ -335,10 +373,12 @@ impl Trainer {
 
     /// The splats, and what is known of their gradients.
     pub fn state(&self) -> Result<TrainingState, Error> {
+        let (device, numbers) = (&self.device, self.plan.numbers());
+        let moments: Vec<[f32; 2]> = self.fixed.moments.fetch(device, numbers)?;
         Ok(TrainingState {
             parameters: self.read(&self.fixed.parameters)?,
-            first: self.read(&self.fixed.first)?,
-            second: self.read(&self.fixed.second)?,
+            first: moments.iter().map(|pair| pair[0]).collect(),
+            second: moments.iter().map(|pair| pair[1]).collect(),
         })
     }
 
@@ -349,9 +389,9 @@ impl Trainer {
     /// One step towards a picture. `training`: rates and shares; the room for slots is filled in.
     ///
     /// # Panics
-    /// If the picture or its camera is not of the plan's size.
+    /// If the camera is larger than the plan's size, or the frame not of the camera's.
     pub fn step(&mut self, view: &TrainingView, training: &Training) -> Result<(), Error> {
-        self.run(Job::Step, view.camera, view.pose, Some(view.frame), training)
+        self.run(Job::Step, view, training)
     }
 
     /// The loss's gradient by all parameters: planes as those of the parameters.
@@ -365,7 +405,7 @@ impl Trainer {
     ) -> Result<Vec<f32>, Error> {
         let device = &self.device;
         let into = Buffer::new::<f32>(device, "gradients", self.plan.numbers(), Memory::Device)?;
-        self.run(Job::Gradients(&into), view.camera, view.pose, Some(view.frame), training)?;
+        self.run(Job::Gradients(&into), view, training)?;
         self.read(&into)
     }
 
@@ -381,7 +421,8 @@ impl Trainer {
     ) -> Result<(), Error> {
         let sh_coefficients = crate::shared::sh_coefficients(self.plan.sh_degree);
         let training = Training { sh_coefficients, ..Training::default() };
-        self.run(Job::Picture, camera, pose, None, &training)?;
+        let frame = &TrainingFrame { words: Vec::new() };
+        self.run(Job::Picture, &TrainingView { camera, pose, frame, factor: 1 }, &training)?;
         let pixels = camera.pixels();
         into.data.copy_from_slice(&self.bytes.render.read::<u8>(pixels * 3)[..pixels * 3]);
         Ok(())
@@ -393,25 +434,29 @@ impl Trainer {
     }
 
     /// Runs a job. If there was not room for all, makes room and runs it again: no step was taken.
-    fn run(
-        &mut self,
-        job: Job,
-        camera: &Camera,
-        pose: &Pose,
-        frame: Option<&TrainingFrame>,
-        training: &Training,
-    ) -> Result<(), Error> {
-        assert_eq!([camera.width, camera.height], self.plan.size, "pictures of the plan's size");
-        if let Some(frame) = frame {
-            assert_eq!(frame.words.len(), camera.pixels(), "pictures of the plan's size");
+    fn run(&mut self, job: Job, view: &TrainingView, training: &Training) -> Result<(), Error> {
+        let TrainingView { camera, frame, .. } = *view;
+        let (size, [width, height]) = ([camera.width, camera.height], self.plan.size);
+        assert!(size[0] <= width && size[1] <= height, "pictures of the plan's size");
+        if !matches!(job, Job::Picture) {
+            assert_eq!(frame.words.len(), camera.pixels(), "a frame of the camera's size");
             self.fixed.frame.write(&frame.words);
+            if self.recorded.size != size {
+                self.recorded.step = None;
+                self.recorded.size = size;
+            }
         }
         loop {
             let slot_capacity = self.grown.slot_capacity;
-            let (first_trained, trained) = (self.first, self.plan.splats);
-            let own = Training { slot_capacity, first_trained, trained, ..*training };
+            let own = Training {
+                slot_capacity,
+                first_trained: self.first,
+                trained: self.plan.splats,
+                in_use: self.in_use,
+                ..*training
+            };
             self.fixed.training.write(&[own]);
-            self.ask(camera, pose);
+            self.ask(view);
             self.submit(job)?;
             if !self.grow()? {
                 return Ok(());
@@ -429,11 +474,12 @@ impl Trainer {
         Ok(())
     }
 
-    fn ask(&mut self, camera: &Camera, pose: &Pose) {
+    fn ask(&mut self, view: &TrainingView) {
+        let TrainingView { camera, pose, factor, .. } = *view;
         // Training moves the splats.
-        let (splats, stride) = (self.first + self.plan.splats, self.splats.room);
+        let (splats, stride) = (self.first + self.in_use, self.splats.room);
         let held = Held { splats, stride, radius: f32::INFINITY };
-        let own = prototype(&self.plan.options, &held, camera, 1, 0);
+        let own = prototype(&self.plan.options, &held, camera, factor, 0);
         let Params { sort_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
         let pair_capacity = self.grown.work.pair_capacity;
         let mut own = Params { sort_blocks, tiles_per_group, pair_capacity, ..own };
@@ -463,7 +509,7 @@ impl Trainer {
         };
         let (pairs, slots) = (more(pairs, pair_capacity), more(needed, slot_capacity));
         self.grown = Grown::new(&self.device, &self.splats, pairs, slots)?;
-        self.recorded = Recorded::default();
+        self.recorded = Recorded { size: self.recorded.size, ..Recorded::default() };
         Ok(true)
     }
 
@@ -516,24 +562,25 @@ impl Trainer {
         let Workspace { records, keys, .. } = &grown.work;
         r.fill(&grown.slots, NO_PAIR);
         let (params, starts) = (&levels.params, &fixed.starts);
-        let buffers = [params, &fixed.training, records, keys, starts, &fixed.slot_counters];
+        let Fixed { training, seen, slot_counters, .. } = fixed;
+        let buffers = [params, training, records, keys, starts, seen, slot_counters];
         r.dispatch(&self.own.train_slots, &buffers, &[], self.per_splat())
     }
 
     /// The loss's gradient by each pixel.
     fn loss(&self, r: &mut Recorder) -> Result<(), Error> {
         let Trainer { levels, fixed, own, .. } = self;
-        let [width, height] = self.plan.size;
+        let [width, height] = self.recorded.size;
         let (params, image, frame) = (&levels.params, &levels.image, &fixed.frame);
-        let Fixed { training, maps, partials, gradient, .. } = fixed;
+        let Fixed { training, maps, partials, means, gradient, .. } = fixed;
         if self.plan.ssim {
             let rows = [height.div_ceil(RUNS), width.div_ceil(RUN), 3];
             let columns = [width.div_ceil(RUNS), height.div_ceil(RUN), 3];
             r.dispatch(&own.ssim_rows, &[params, image, frame, maps], &[], rows)?;
-            r.dispatch(&own.ssim_columns, &[params, maps, partials], &[], columns)?;
+            r.dispatch(&own.ssim_columns, &[params, maps, partials, means], &[], columns)?;
             // The maps are not needed any more: their room takes the blurred derivatives.
-            r.dispatch(&own.ssim_back, &[params, partials, maps], &[], rows)?;
-            let buffers = [params, training, image, frame, maps, gradient];
+            r.dispatch(&own.ssim_back, &[params, partials, maps, means], &[], rows)?;
+            let buffers = [params, training, image, frame, maps, means, gradient];
             r.dispatch(&own.ssim_gradient, &buffers, &[], columns)?;
         }
         let buffers = [params, training, image, frame, gradient];
@@ -544,7 +591,7 @@ impl Trainer {
     fn backward(&self, r: &mut Recorder) -> Result<(), Error> {
         let Trainer { levels, fixed, grown, own, .. } = self;
         let Workspace { records, pair_splats, .. } = &grown.work;
-        let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
+        let [tiles_x, tiles_y] = self.recorded.size.map(|side| side.div_ceil(TILE));
         let (gradient, starts) = (&fixed.gradient, &fixed.starts);
         let (params, ranges) = (&levels.params, &levels.ranges);
         let (slots, pairs) = (&grown.slots, &grown.pairs);
@@ -565,7 +612,7 @@ impl Trainer {
     /// Adam's step along that gradient.
     fn take_step(&self, r: &mut Recorder) -> Result<(), Error> {
         let Trainer { levels, fixed, grown, own, .. } = self;
-        let Fixed { training, slot_counters, starts, parameters, first, second, .. } = fixed;
+        let Fixed { training, slot_counters, starts, seen, parameters, moments, .. } = fixed;
         let Workspace { records, counters, .. } = &grown.work;
         let (params, slots, pairs) = (&levels.params, &grown.slots, &grown.pairs);
         let buffers = [
@@ -573,14 +620,37 @@ impl Trainer {
             training,
             counters,
             slot_counters,
+            seen,
             records,
             starts,
             slots,
             pairs,
             parameters,
-            first,
-            second,
+            moments,
         ];
-        r.dispatch(&own.train_step, &buffers, &[], self.per_splat())
+        let groups = std::mem::offset_of!(SlotCounters, groups) as u64;
+        r.dispatch_indirect(&own.train_step, &buffers, &[], slot_counters, groups)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reduced_frame_has_the_means_of_what_counts() {
+        let picture = Picture { width: 5, height: 3, data: (0..45).map(|k| 4 * k).collect() };
+        let frame = TrainingFrame::new(&picture).reduced(5, 2);
+        assert_eq!(frame.words.len(), 2);
+        // Rows 0 and 1, columns 2 and 3.
+        let mean = [0, 1, 2].map(|c| (6 + 9 + 21 + 24 + 4 * c) as f32 / 255.0);
+        let own = frame.colour(1).unwrap();
+        assert!(own.iter().zip(mean).all(|(a, b)| (a - b).abs() < 1e-6), "{own:?} for {mean:?}");
+
+        let counts = |pixel| pixel == 1 || pixel == 4;
+        let some = TrainingFrame::from_fn(15, |pixel| counts(pixel).then_some([0.2, 0.4, 0.6]));
+        let some = some.reduced(5, 2);
+        assert_eq!(some.colour(0), Some([0.2, 0.4, 0.6]));
+        assert_eq!(some.colour(1), None);
     }
 }

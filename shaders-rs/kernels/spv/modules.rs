@@ -18,9 +18,10 @@ modules! {
     splat_backward: splat_backward splat_backward_lockstep;
     splat_exact: splat_exact;
     splat_flow: splat_flow splat_flow_lockstep splat_flow_wave16 splat_flow_wave32 splat_flow_wave64;
-    ssim: loss_gradient ssim_back ssim_columns ssim_gradient ssim_rows;
-    train_activate: train_activate;
+    ssim: loss_gradient ssim_back ssim_back_lockstep ssim_columns ssim_columns_lockstep
+        ssim_gradient ssim_gradient_lockstep ssim_rows ssim_rows_lockstep;
+    train_activate: train_activate train_activate_lockstep;
     train_gradient: train_gradient;
     train_slots: train_slots;
-    train_step: train_step;
+    train_step: train_step train_step_lockstep;
 }

@@ -24,6 +24,8 @@ pub const fn planes(sh_degree: u32) -> u32 {
 /// the gradient by log alpha at a pixel, and `(x, y)`, the pixel's offset from the tile's middle: Σ h, Σ h x, Σ h y, Σ
 /// h x², Σ h x y, Σ h y².
 pub const PAIR_SUMS: u32 = 9;
+/// Pairs of floats that hold them.
+pub const PAIR_FLOATS: u32 = PAIR_SUMS.div_ceil(2);
 /// No pair: the splat touches nothing of the tile, or the tile's pixels were finished before it.
 pub const NO_PAIR: u32 = u32::MAX;
 /// Floats of a pixel of the loss's gradient: by R, G and B, and their product with the render's colour.
@@ -45,10 +47,9 @@ pub const SSIM_WEIGHTS: [f32; 6] =
 pub const RUN: u32 = 8;
 /// Invocations of a workgroup that blurs.
 pub const RUNS: u32 = 8;
-/// Blurred maps of frame and render for SSIM: render, frame, their squares, their product.
-pub const SSIM_MAPS: u32 = 5;
-/// Maps of SSIM's derivatives: by the render's mean, its variance, and the covariance.
-pub const SSIM_PARTIALS: u32 = 3;
+/// Blurred maps of frame and render for SSIM, as pairs of floats: render and frame; the sum of their squares, which is
+/// all that SSIM asks of these, and their product.
+pub const SSIM_MAPS: u32 = 2;
 
 /// What a training step needs to know beside [`Params`]; written by the host before each submission.
 #[repr(C)]
@@ -83,6 +84,8 @@ pub struct Training {
     pub first_trained: u32,
     /// How many splats are trained. The planes of parameters are of these alone.
     pub trained: u32,
+    /// How many of them, the first ones, are in use.
+    pub in_use: u32,
     /// Steps by which parameters are rounded before splats are drawn: those of positions, log scales, rotations (x, y,
     /// z of the unit quaternion), opacity logits, the first coefficient. 0: not rounded. The gradient is that of the
     /// rounded splats.
@@ -109,6 +112,10 @@ pub struct SlotCounters {
     pub slots: u32,
     /// Blocks of 256 of them, each splat's rounded down: tells if the other has wrapped.
     pub blocks: u32,
+    /// Splats that have slots.
+    pub seen: u32,
+    /// Workgroups that take their steps.
+    pub groups: [u32; 3],
 }
 
 /// Tiles `[x0, y0, x1, y1)` of which a splat may have pairs: all those that stage `bin_emit` lists it for.

@@ -35,3 +35,22 @@ impl Pairs for [u64] {
         [f32::from_bits(pair as u32), f32::from_bits((pair >> 32) as u32)]
     }
 }
+
+/// A buffer of pairs of floats that are changed.
+pub trait PairsMut: Pairs {
+    /// Sets pair `i`, which must exist.
+    fn put(&mut self, i: u32, pair: [f32; 2]);
+}
+
+impl PairsMut for [f32] {
+    fn put(&mut self, i: u32, pair: [f32; 2]) {
+        *at_mut(self, 2 * i) = pair[0];
+        *at_mut(self, 2 * i + 1) = pair[1];
+    }
+}
+
+impl PairsMut for [u64] {
+    fn put(&mut self, i: u32, pair: [f32; 2]) {
+        *at_mut(self, i) = u64::from(pair[0].to_bits()) | u64::from(pair[1].to_bits()) << 32;
+    }
+}

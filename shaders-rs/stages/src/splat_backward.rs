@@ -8,12 +8,12 @@
 
 use crate::blend::{Clamp, Hits, middle, range};
 use crate::list::{LANES, List, Portable, Splat, largest};
-use crate::memory::{at, at_mut};
+use crate::memory::{PairsMut, at, at_mut};
 use crate::portable::power_slope;
 use crate::rows::Rows;
 use crate::shared::{Outline, Params, ROWS, SPLAT_THREADS, TILE, TRANSMITTANCE_STOP, max};
 use crate::train_slots;
-use crate::training::{GRADIENT_PIXEL, NO_PAIR, PAIR_SUMS, slot_box};
+use crate::training::{GRADIENT_PIXEL, NO_PAIR, PAIR_FLOATS, PAIR_SUMS, slot_box};
 use spirv_std::arch::{subgroup_shuffle, workgroup_memory_barrier_with_group_sync as barrier};
 use spirv_std::glam::{UVec2, UVec3, Vec4};
 use spirv_std::spirv;
@@ -123,27 +123,23 @@ impl Sums {
 }
 
 /// Writes the sums of pair `at`, and notes the pair in its splat's slot for the tile.
-fn store(
+fn store<P: PairsMut + ?Sized>(
     params: &Params,
     records: &[Vec4],
     starts: &[u32],
     slots: &mut [u32],
-    pairs: &mut [f32],
+    pairs: &mut P,
     pair: u32,
     splat: u32,
     group: UVec3,
     sums: [f32; PAIR_SUMS as usize],
 ) {
-    let first = pair * PAIR_SUMS;
-    *at_mut(pairs, first) = sums[0];
-    *at_mut(pairs, first + 1) = sums[1];
-    *at_mut(pairs, first + 2) = sums[2];
-    *at_mut(pairs, first + 3) = sums[3];
-    *at_mut(pairs, first + 4) = sums[4];
-    *at_mut(pairs, first + 5) = sums[5];
-    *at_mut(pairs, first + 6) = sums[6];
-    *at_mut(pairs, first + 7) = sums[7];
-    *at_mut(pairs, first + 8) = sums[8];
+    let first = pair * PAIR_FLOATS;
+    pairs.put(first, [sums[0], sums[1]]);
+    pairs.put(first + 1, [sums[2], sums[3]]);
+    pairs.put(first + 2, [sums[4], sums[5]]);
+    pairs.put(first + 3, [sums[6], sums[7]]);
+    pairs.put(first + 4, [sums[8], 0.0]);
     let start: u32 = at(starts, splat);
     let outline = Outline::new(params, &train_slots::load(records, splat));
     let [x0, y0, x1, y1] = slot_box(params, &outline);
@@ -220,7 +216,7 @@ pub fn splat_backward_lockstep(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] gradient: &[f32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] starts: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] slots: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [f32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &mut [u64],
 ) {
     let range = range(params, ranges, [group.x, group.y]);
     let trained = shows_trained(starts, pair_splats, range, lane, LANES);

@@ -5,14 +5,14 @@
 //! `Σ'` is `½ Q (Σ h d dᵀ) Q`. The rest is the chain rule through [`shared::project`](crate::shared::project), as
 //! derived for gsplat (Ye et al. 2025, appendix).
 
-use crate::memory::at;
+use crate::memory::{Pairs, at};
 use crate::shared::{
     self, Outline, Params, RATIO_MIN, TILE, clamped_ray, cross, dilated, dot, projected_axes,
     scaled, transform,
 };
-use crate::train_activate::{Shape, harmonic};
+use crate::train_activate::{Harmonics, Shape, coefficients, drawn_harmonic};
 use crate::train_slots;
-use crate::training::{NO_PAIR, PAIR_SUMS, Training, slot_box};
+use crate::training::{NO_PAIR, PAIR_FLOATS, Training, slot_box};
 use spirv_std::glam::Vec4;
 
 /// The loss's gradient by what a splat is in the picture.
@@ -25,11 +25,6 @@ struct Seen {
     log_opacity: f32,
 }
 
-/// Three sums of a pair.
-fn sums_of(pairs: &[f32], first: u32) -> [f32; 3] {
-    [at(pairs, first), at(pairs, first + 1), at(pairs, first + 2)]
-}
-
 /// A vector times the conic Q, which is LᵀL: L's rows are (l11, l21) and (0, l22).
 fn times_q(conic: [f32; 3], v: [f32; 2]) -> [f32; 2] {
     let [l11, l21, l22] = conic;
@@ -38,12 +33,12 @@ fn times_q(conic: [f32; 3], v: [f32; 2]) -> [f32; 2] {
 }
 
 /// Adds up a splat's pairs, tile by tile.
-fn gather(
+fn gather<P: Pairs + ?Sized>(
     params: &Params,
     records: &[Vec4],
     starts: &[u32],
     slots: &[u32],
-    pairs: &[f32],
+    pairs: &P,
     i: u32,
 ) -> Seen {
     let record = train_slots::load(records, i);
@@ -57,15 +52,15 @@ fn gather(
     while k < count {
         let pair: u32 = at(slots, first_slot + k);
         if pair != NO_PAIR {
-            let first = pair * PAIR_SUMS;
-            let by_colour = sums_of(pairs, first);
-            colour = [colour[0] + by_colour[0], colour[1] + by_colour[1], colour[2] + by_colour[2]];
+            let first = pair * PAIR_FLOATS;
+            let ([r, g], [b, own]) = (pairs.pair(first), pairs.pair(first + 1));
+            let ([hx, hy], [hxx, hxy]) = (pairs.pair(first + 2), pairs.pair(first + 3));
+            let [hyy, _] = pairs.pair(first + 4);
+            colour = [colour[0] + r, colour[1] + g, colour[2] + b];
             // From the tile's middle to the mean.
             let half = (TILE / 2) as f32;
             let mx = record.mean[0] - ((x * TILE) as f32 + half);
             let my = record.mean[1] - ((y * TILE) as f32 + half);
-            let [own, hx, hy] = sums_of(pairs, first + 3);
-            let [hxx, hxy, hyy] = sums_of(pairs, first + 6);
             h += own;
             hd = [hd[0] + (hx - mx * own), hd[1] + (hy - my * own)];
             hdd = [
@@ -97,45 +92,40 @@ struct Colours {
     by_colour: [f32; 3],
     /// The gradient by the position, as colours depend on the direction.
     by_position: [f32; 3],
-    /// Values of the spherical harmonics.
+    /// Values of the spherical harmonics; 0 of those that are not trained.
     basis: [f32; 16],
 }
 
 fn colours(
     params: &Params,
     training: &Training,
-    parameters: &[f32],
+    own: &Harmonics,
     by_colour: [f32; 3],
     position: [f32; 3],
-    j: u32,
 ) -> Colours {
     let (d, inverse) = shared::direction(params, position);
     let (basis, slopes) = (shared::sh_basis(d), shared::sh_basis_gradient(d));
+    let basis = coefficients!(k => if k < training.sh_trained { basis[k as usize] } else { 0.0 });
+    let drawn = coefficients!(k => drawn_harmonic(training, own[k as usize], k));
     let mut rgb = [0.5, 0.5, 0.5];
-    let mut k = 0;
-    while k < training.sh_trained {
-        let b = basis[k as usize];
-        let own = harmonic(training, parameters, k, j);
+    coefficients!(k => {
+        let (b, own) = (basis[k as usize], drawn[k as usize]);
         rgb = [rgb[0] + b * own[0], rgb[1] + b * own[1], rgb[2] + b * own[2]];
-        k += 1;
-    }
+    });
     let by = [
         if rgb[0] > 0.0 { by_colour[0] } else { 0.0 },
         if rgb[1] > 0.0 { by_colour[1] } else { 0.0 },
         if rgb[2] > 0.0 { by_colour[2] } else { 0.0 },
     ];
     let mut along = [0.0; 3];
-    let mut k = 0;
-    while k < training.sh_trained {
-        let product = dot(by, harmonic(training, parameters, k, j));
-        let slope = slopes[k as usize];
+    coefficients!(k => {
+        let (product, slope) = (dot(by, drawn[k as usize]), slopes[k as usize]);
         along = [
             along[0] + product * slope[0],
             along[1] + product * slope[1],
             along[2] + product * slope[2],
         ];
-        k += 1;
-    }
+    });
     let radial = dot(along, d);
     let by_position = [
         (along[0] - radial * d[0]) * inverse,
@@ -279,34 +269,22 @@ fn all_finite([a, b, c]: [f32; 3]) -> [f32; 3] {
 }
 
 impl Gradient {
-    const NONE: Gradient = Gradient {
-        position: [0.0; 3],
-        log_scale: [0.0; 3],
-        rotation: [0.0; 4],
-        opacity: 0.0,
-        colour: [0.0; 3],
-        basis: [0.0; 16],
-    };
-
-    /// Of the splat at place `j` of those that are trained, from what stage `splat_backward` has summed; all 0 if it
-    /// shows in no tile.
-    pub fn of(
+    /// Of the splat at place `j` of those that are trained, from what stage `splat_backward` has summed. It must have
+    /// slots.
+    pub fn of<P: Pairs + ?Sized>(
         params: &Params,
         training: &Training,
-        parameters: &[f32],
         shape: &Shape,
+        harmonics: &Harmonics,
         records: &[Vec4],
         starts: &[u32],
         slots: &[u32],
-        pairs: &[f32],
+        pairs: &P,
         j: u32,
     ) -> Gradient {
         let i = training.first_trained + j;
-        if at::<u32, _>(starts, i) == NO_PAIR {
-            return Gradient::NONE;
-        }
         let seen = gather(params, records, starts, slots, pairs, i);
-        let colours = colours(params, training, parameters, seen.colour, shape.position, j);
+        let colours = colours(params, training, harmonics, seen.colour, shape.position);
         let Spatial { position, axes, log_scale } = spatial(params, shape, &seen);
         let [a, b, c] = colours.by_position;
         let [q0, q1, q2, q3] = by_rotation(shape, axes);

@@ -7,7 +7,7 @@
 //! An invocation blurs [`RUN`] pixels in a row or column, so that each value is loaded 2.25 times, not 11 times:
 //! docs/decisions.md, 8.
 
-use crate::memory::{at, at_mut};
+use crate::memory::{Pairs, PairsMut, at, at_mut};
 use crate::shared::{PIXEL, Params, max, min};
 use crate::training::{
     FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, RUN, SSIM_REACH, SSIM_WEIGHTS,
@@ -98,6 +98,18 @@ fn render_at(image: &[f32], pixel: u32, channel: u32, of_frame: u32) -> f32 {
     if of_frame & FRAME_COUNTS != 0 { value } else { 0.0 }
 }
 
+/// Does something for each pixel of a run, and its values in two blurred runs.
+macro_rules! each_of_run {
+    ($k:ident, $a:ident = $of_a:expr, $b:ident = $of_b:expr => $body:block) => {
+        let ([a, c], [b, d]) = ($of_a, $of_b);
+        each_of_run!($k $a $b $body; 0 a.x b.x, 1 a.y b.y, 2 a.z b.z, 3 a.w b.w,
+            4 c.x d.x, 5 c.y d.y, 6 c.z d.z, 7 c.w d.w);
+    };
+    ($k:ident $a:ident $b:ident $body:block; $($index:literal $va:ident . $ca:ident $vb:ident . $cb:ident),+) => {
+        $({ let ($k, $a, $b): (u32, f32, f32) = ($index, $va.$ca, $vb.$cb); $body })+
+    };
+}
+
 /// A run of pixels of one channel: along a row for invocations by rows, else along a column.
 #[derive(Clone, Copy)]
 struct Run {
@@ -115,22 +127,19 @@ struct Run {
 }
 
 impl Run {
-    /// By rows: one invocation per row (x) and run of columns (y).
+    /// By rows: one invocation per row (x) and run of columns (y). Those beyond the last row do its work again: if they
+    /// ended, all that follows would be masked.
     fn of_row(params: &Params, id: UVec3) -> Run {
         let (length, breadth) = (params.width, params.height);
-        let (along, across) = (id.y * RUN, id.x);
+        let (along, across) = (id.y * RUN, min_u32(id.x, breadth - 1));
         Run { along, across, length, breadth, step: 1, stride: params.width, channel: id.z }
     }
 
     /// By columns: one invocation per column (x) and run of rows (y).
     fn of_column(params: &Params, id: UVec3) -> Run {
         let (length, breadth) = (params.height, params.width);
-        let (along, across) = (id.y * RUN, id.x);
+        let (along, across) = (id.y * RUN, min_u32(id.x, breadth - 1));
         Run { along, across, length, breadth, step: params.width, stride: 1, channel: id.z }
-    }
-
-    fn is_there(self) -> bool {
-        self.across < self.breadth
     }
 
     /// The pixel of a tap, and whether it lies in the picture. If not, another pixel is given.
@@ -146,6 +155,17 @@ impl Run {
         (map * 3 + self.channel) * self.length * self.breadth
     }
 
+    /// Two maps along the run, blurred.
+    fn blurred_pair<M: Pairs + ?Sized>(self, maps: &M, map: u32) -> [Blurred; 2] {
+        let first = self.map(map);
+        let pairs = line!(k => {
+            let (pixel, inside) = self.tap(k);
+            let pair = maps.pair(first + pixel);
+            if inside { pair } else { [0.0; 2] }
+        });
+        [blurred(&line!(k => pairs[k as usize][0])), blurred(&line!(k => pairs[k as usize][1]))]
+    }
+
     /// A map along the run, blurred.
     fn blurred(self, maps: &[f32], map: u32) -> Blurred {
         let first = self.map(map);
@@ -157,40 +177,42 @@ impl Run {
         blurred(&line)
     }
 
-    /// Writes a run to a map.
-    fn store(self, maps: &mut [f32], map: u32, [upper, lower]: Blurred) {
+    /// Writes a run to two maps.
+    fn store_pair<M: PairsMut + ?Sized>(self, maps: &mut M, map: u32, [a, b]: [Blurred; 2]) {
         let first = self.map(map);
-        self.store_at(maps, first, 0, upper.x);
-        self.store_at(maps, first, 1, upper.y);
-        self.store_at(maps, first, 2, upper.z);
-        self.store_at(maps, first, 3, upper.w);
-        self.store_at(maps, first, 4, lower.x);
-        self.store_at(maps, first, 5, lower.y);
-        self.store_at(maps, first, 6, lower.z);
-        self.store_at(maps, first, 7, lower.w);
+        each_of_run!(k, value_a = a, value_b = b => {
+            let (pixel, inside) = self.tap(k + SSIM_REACH);
+            if inside {
+                maps.put(first + pixel, [value_a, value_b]);
+            }
+        });
     }
 
-    fn store_at(self, maps: &mut [f32], first: u32, k: u32, value: f32) {
-        let (pixel, inside) = self.tap(k + SSIM_REACH);
-        if inside {
-            *at_mut(maps, first + pixel) = value;
-        }
+    /// Writes a run to a map.
+    fn store(self, maps: &mut [f32], map: u32, a: Blurred) {
+        let first = self.map(map);
+        each_of_run!(k, value = a, _other = a => {
+            let (pixel, inside) = self.tap(k + SSIM_REACH);
+            if inside {
+                *at_mut(maps, first + pixel) = value;
+            }
+        });
     }
 }
 
-/// One invocation per run: rows, runs of columns, channels.
-#[spirv(compute(threads(8)))]
-pub fn ssim_rows(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] image: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] frame: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] maps: &mut [f32],
+fn min_u32(a: u32, b: u32) -> u32 {
+    if a < b { a } else { b }
+}
+
+/// Blurs along rows.
+fn rows<M: PairsMut + ?Sized>(
+    params: &Params,
+    image: &[f32],
+    frame: &[u32],
+    maps: &mut M,
+    id: UVec3,
 ) {
     let run = Run::of_row(params, id);
-    if !run.is_there() {
-        return;
-    }
     let pixels = line!(k => {
         let (pixel, inside) = run.tap(k);
         let value: u32 = at(frame, pixel);
@@ -198,21 +220,19 @@ pub fn ssim_rows(
     });
     let x = line!(k => render_at(image, run.tap(k).0, run.channel, pixels[k as usize]));
     let y = line!(k => frame_at(pixels[k as usize], run.channel));
-    run.store(maps, 0, blurred(&x));
-    run.store(maps, 1, blurred(&y));
-    run.store(maps, 2, blurred(&line!(k => x[k as usize] * x[k as usize])));
-    run.store(maps, 3, blurred(&line!(k => y[k as usize] * y[k as usize])));
-    run.store(maps, 4, blurred(&line!(k => x[k as usize] * y[k as usize])));
+    run.store_pair(maps, 0, [blurred(&x), blurred(&y)]);
+    let squares = line!(k => x[k as usize] * x[k as usize] + y[k as usize] * y[k as usize]);
+    let products = line!(k => x[k as usize] * y[k as usize]);
+    run.store_pair(maps, 1, [blurred(&squares), blurred(&products)]);
 }
 
 /// SSIM's derivatives at four pixels, by the render's mean, its variance and the covariance, from blurred maps.
-fn partials_of(mean_x: Vec4, mean_y: Vec4, xx: Vec4, yy: Vec4, xy: Vec4) -> [Vec4; 3] {
+fn partials_of(mean_x: Vec4, mean_y: Vec4, squares: Vec4, xy: Vec4) -> [Vec4; 3] {
     let (c1, c2) = (Vec4::splat(C1), Vec4::splat(C2));
-    let xx = xx - mean_x * mean_x;
-    let yy = yy - mean_y * mean_y;
+    let means = mean_x * mean_x + mean_y * mean_y;
     let xy = xy - mean_x * mean_y;
     let (a1, a2) = (mean_x * mean_y * 2.0 + c1, xy * 2.0 + c2);
-    let (b1, b2) = (mean_x * mean_x + mean_y * mean_y + c1, xx + yy + c2);
+    let (b1, b2) = (means + c1, squares - means + c2);
     let below = Vec4::ONE / (b1 * b2);
     let ssim = a1 * a2 * below;
     let by_variance = -ssim / b2;
@@ -224,44 +244,35 @@ fn partials_of(mean_x: Vec4, mean_y: Vec4, xx: Vec4, yy: Vec4, xy: Vec4) -> [Vec
     [by_mean, by_variance, by_covariance]
 }
 
-/// SSIM's derivatives. One invocation per run: columns, runs of rows, channels.
-#[spirv(compute(threads(8)))]
-pub fn ssim_columns(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] maps: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] partials: &mut [f32],
+/// SSIM's derivatives: by the render's variance and the covariance, and by its mean.
+fn columns<M: PairsMut + ?Sized>(
+    params: &Params,
+    maps: &M,
+    partials: &mut M,
+    means: &mut [f32],
+    id: UVec3,
 ) {
     let run = Run::of_column(params, id);
-    if !run.is_there() {
-        return;
-    }
-    let [x, other_x] = run.blurred(maps, 0);
-    let [y, other_y] = run.blurred(maps, 1);
-    let [xx, other_xx] = run.blurred(maps, 2);
-    let [yy, other_yy] = run.blurred(maps, 3);
-    let [xy, other_xy] = run.blurred(maps, 4);
-    let [a, b, c] = partials_of(x, y, xx, yy, xy);
-    let [d, e, f] = partials_of(other_x, other_y, other_xx, other_yy, other_xy);
-    run.store(partials, 0, [a, d]);
-    run.store(partials, 1, [b, e]);
-    run.store(partials, 2, [c, f]);
+    let [[x, other_x], [y, other_y]] = run.blurred_pair(maps, 0);
+    let [[squares, other_squares], [xy, other_xy]] = run.blurred_pair(maps, 1);
+    let [a, b, c] = partials_of(x, y, squares, xy);
+    let [d, e, f] = partials_of(other_x, other_y, other_squares, other_xy);
+    run.store_pair(partials, 0, [[b, e], [c, f]]);
+    run.store(means, 0, [a, d]);
 }
 
-/// The derivatives, blurred along rows. One invocation per run: rows, runs of columns, channels.
-#[spirv(compute(threads(8)))]
-pub fn ssim_back(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] partials: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] maps: &mut [f32],
+/// The derivatives, blurred along rows.
+fn back<M: PairsMut + ?Sized>(
+    params: &Params,
+    partials: &M,
+    maps: &mut M,
+    means: &mut [f32],
+    id: UVec3,
 ) {
     let run = Run::of_row(params, id);
-    if run.is_there() {
-        run.store(maps, 0, run.blurred(partials, 0));
-        run.store(maps, 1, run.blurred(partials, 1));
-        run.store(maps, 2, run.blurred(partials, 2));
-    }
+    run.store_pair(maps, 0, run.blurred_pair(partials, 0));
+    let by_mean = run.blurred(means, 0);
+    run.store(means, 1, by_mean);
 }
 
 /// The loss's derivative by a value of the render, from SSIM's own.
@@ -270,24 +281,20 @@ fn by_value(training: &Training, x: f32, y: f32, ssim: f32) -> f32 {
     ((1.0 - training.ssim) * huber - training.ssim * ssim) * training.per_value
 }
 
-/// The derivatives by all values. One invocation per run: columns, runs of rows, channels.
-#[spirv(compute(threads(8)))]
-pub fn ssim_gradient(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] image: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] frame: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] maps: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] gradient: &mut [f32],
+/// The derivatives by all values.
+fn values<M: PairsMut + ?Sized>(
+    params: &Params,
+    training: &Training,
+    image: &[f32],
+    frame: &[u32],
+    maps: &M,
+    means: &[f32],
+    gradient: &mut [f32],
+    id: UVec3,
 ) {
     let run = Run::of_column(params, id);
-    if !run.is_there() {
-        return;
-    }
-    let by_mean = run.blurred(maps, 0);
-    let by_variance = run.blurred(maps, 1);
-    let by_covariance = run.blurred(maps, 2);
+    let by_mean = run.blurred(means, 1);
+    let [by_variance, by_covariance] = run.blurred_pair(maps, 0);
     let mut half = 0;
     while half < 2 {
         let (a, b, c) = if half == 0 {
@@ -318,6 +325,68 @@ pub fn ssim_gradient(
         half += 1;
     }
 }
+
+/// Makes a form of the stages: their entry points, and how pairs of floats are loaded. One invocation per run: rows and
+/// runs of columns, or columns and runs of rows, and channels.
+macro_rules! form {
+    ($rows:ident, $columns:ident, $back:ident, $gradient:ident, $pair:ty) => {
+        #[spirv(compute(threads(8)))]
+        pub fn $rows(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] image: &[f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] frame: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] maps: &mut [$pair],
+        ) {
+            rows(params, image, frame, maps, id);
+        }
+
+        #[spirv(compute(threads(8)))]
+        pub fn $columns(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] maps: &[$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] partials: &mut [$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] means: &mut [f32],
+        ) {
+            columns(params, maps, partials, means, id);
+        }
+
+        #[spirv(compute(threads(8)))]
+        pub fn $back(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] partials: &[$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] maps: &mut [$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] means: &mut [f32],
+        ) {
+            back(params, partials, maps, means, id);
+        }
+
+        #[spirv(compute(threads(8)))]
+        pub fn $gradient(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] image: &[f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] frame: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] maps: &[$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] means: &[f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] gradient: &mut [f32],
+        ) {
+            values(params, training, image, frame, maps, means, gradient, id);
+        }
+    };
+}
+
+form!(ssim_rows, ssim_columns, ssim_back, ssim_gradient, f32);
+form!(
+    ssim_rows_lockstep,
+    ssim_columns_lockstep,
+    ssim_back_lockstep,
+    ssim_gradient_lockstep,
+    u64
+);
 
 /// The derivatives along the render's colour; without SSIM, all of them. One invocation per pixel.
 #[spirv(compute(threads(256)))]

@@ -1,7 +1,7 @@
 //! Stage `train_activate`: the parameters of training as the render's stages read splats.
 
-use crate::memory::{at, at_mut};
-use crate::shared::{Params, scaled};
+use crate::memory::{PairsMut, at, at_mut};
+use crate::shared::{Params, scaled, sh_coefficients};
 use crate::training::{
     LOG_SCALE, OPACITY, POSITION, ROTATION, ROUNDED_LOGITS, SH, Training, rounded,
 };
@@ -9,7 +9,16 @@ use spirv_std::glam::UVec3;
 use spirv_std::num_traits::Float;
 use spirv_std::spirv;
 
-/// A splat's parameters, without the spherical harmonics.
+/// A splat's parameters as they are trained, without the spherical harmonics.
+#[derive(Clone, Copy)]
+pub struct Trained {
+    pub position: [f32; 3],
+    pub log_scale: [f32; 3],
+    pub rotation: [f32; 4],
+    pub opacity: f32,
+}
+
+/// A splat as it is drawn, without the spherical harmonics.
 pub struct Shape {
     pub position: [f32; 3],
     /// Standard deviations.
@@ -35,9 +44,20 @@ pub fn triple(parameters: &[f32], splats: u32, plane: u32, i: u32) -> [f32; 3] {
     ]
 }
 
-/// Coefficient `k` of a splat's spherical harmonics, RGB, as it is drawn. `j`: its place among those that are trained.
+/// Sets a number of a splat, of each of three planes.
+pub fn put_triple(parameters: &mut [f32], splats: u32, plane: u32, i: u32, values: [f32; 3]) {
+    *at_mut(parameters, plane * splats + i) = values[0];
+    *at_mut(parameters, (plane + 1) * splats + i) = values[1];
+    *at_mut(parameters, (plane + 2) * splats + i) = values[2];
+}
+
+/// Coefficient `k` of the spherical harmonics of a splat, RGB, as it is trained. `j`: its place among those trained.
 pub fn harmonic(training: &Training, parameters: &[f32], k: u32, j: u32) -> [f32; 3] {
-    let [r, g, b] = triple(parameters, training.trained, SH + 3 * k, j);
+    triple(parameters, training.trained, SH + 3 * k, j)
+}
+
+/// Coefficient `k` as it is drawn.
+pub fn drawn_harmonic(training: &Training, [r, g, b]: [f32; 3], k: u32) -> [f32; 3] {
     let by = if k == 0 { training.rounding[4] } else { 0.0 };
     [rounded(r, by), rounded(g, by), rounded(b, by)]
 }
@@ -67,19 +87,61 @@ fn rounded_logit(logit: f32, step: f32) -> f32 {
     rounded(if held < most { held } else { most }, step)
 }
 
-impl Shape {
-    /// A splat as it is drawn. `j`: its place among those that are trained.
-    pub fn load(training: &Training, parameters: &[f32], j: u32) -> Shape {
-        let (n, by) = (training.trained, training.rounding);
-        let [a, b, c] = triple(parameters, n, LOG_SCALE, j);
+/// An array of an expression of the number of a coefficient of the spherical harmonics. Written out: in a loop an array
+/// would lie in memory.
+macro_rules! coefficients {
+    ($k:ident => $value:expr) => {
+        coefficients!($k => $value; 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15)
+    };
+    ($k:ident => $value:expr; $($index:literal)+) => {
+        [$({ let $k: u32 = $index; $value }),+]
+    };
+}
+pub(crate) use coefficients;
+
+/// The spherical harmonics of a splat as they are trained, RGB; 0 after the last.
+pub type Harmonics = [[f32; 3]; 16];
+
+/// `count`: of the coefficients that there are.
+pub fn harmonics(training: &Training, parameters: &[f32], count: u32, j: u32) -> Harmonics {
+    coefficients!(k => if k < count { harmonic(training, parameters, k, j) } else { [0.0; 3] })
+}
+
+impl Trained {
+    /// `j`: the splat's place among those that are trained.
+    pub fn load(training: &Training, parameters: &[f32], j: u32) -> Trained {
+        let n = training.trained;
         let [w, x, y] = triple(parameters, n, ROTATION, j);
-        let z = parameter(parameters, n, ROTATION + 3, j);
+        Trained {
+            position: triple(parameters, n, POSITION, j),
+            log_scale: triple(parameters, n, LOG_SCALE, j),
+            rotation: [w, x, y, parameter(parameters, n, ROTATION + 3, j)],
+            opacity: parameter(parameters, n, OPACITY, j),
+        }
+    }
+
+    pub fn store(&self, training: &Training, parameters: &mut [f32], j: u32) {
+        let n = training.trained;
+        put_triple(parameters, n, POSITION, j, self.position);
+        put_triple(parameters, n, LOG_SCALE, j, self.log_scale);
+        let [w, x, y, z] = self.rotation;
+        put_triple(parameters, n, ROTATION, j, [w, x, y]);
+        *at_mut(parameters, (ROTATION + 3) * n + j) = z;
+        *at_mut(parameters, OPACITY * n + j) = self.opacity;
+    }
+}
+
+impl Shape {
+    /// A splat as it is drawn.
+    pub fn of(training: &Training, trained: &Trained) -> Shape {
+        let by = training.rounding;
+        let ([a, b, c], [w, x, y, z]) = (trained.log_scale, trained.rotation);
         let length = (w * w + x * x + y * y + z * z).sqrt();
         let inverse = 1.0 / length;
         let unit = [w * inverse, x * inverse, y * inverse, z * inverse];
         let turned = (by[2] > 0.0) & (w < 0.0);
-        let logit = rounded_logit(parameter(parameters, n, OPACITY, j), by[3]);
-        let [px, py, pz] = triple(parameters, n, POSITION, j);
+        let logit = rounded_logit(trained.opacity, by[3]);
+        let [px, py, pz] = trained.position;
         Shape {
             position: [rounded(px, by[0]), rounded(py, by[0]), rounded(pz, by[0])],
             scale: [rounded(a, by[1]).exp(), rounded(b, by[1]).exp(), rounded(c, by[1]).exp()],
@@ -100,52 +162,68 @@ impl Shape {
     }
 }
 
-/// Writes pair `plane` of splat `i`.
-fn put(planes: &mut [f32], stride: u32, plane: u32, i: u32, pair: [f32; 2]) {
-    let first = 2 * (plane * stride + i);
-    *at_mut(planes, first) = pair[0];
-    *at_mut(planes, first + 1) = pair[1];
-}
-
-/// One invocation per splat that is trained.
-#[spirv(compute(threads(256)))]
-pub fn train_activate(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] parameters: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] geometry: &mut [f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] sh: &mut [f32],
+/// Writes a splat as it is drawn. `i`: its place among all.
+fn activate<M: PairsMut + ?Sized>(
+    stride: u32,
+    training: &Training,
+    sh_degree: u32,
+    parameters: &[f32],
+    geometry: &mut M,
+    sh: &mut M,
+    j: u32,
 ) {
-    let (n, j) = (params.stride, id.x);
-    if j >= training.trained {
-        return;
-    }
-    let i = training.first_trained + j;
-    let shape = Shape::load(training, parameters, j);
+    let (n, i) = (stride, training.first_trained + j);
+    let shape = Shape::of(training, &Trained::load(training, parameters, j));
     let [x, y, z] = shape.unit_axes();
     let [a, b, c] =
         [scaled(x, shape.scale[0]), scaled(y, shape.scale[1]), scaled(z, shape.scale[2])];
     let p = shape.position;
-    put(geometry, n, 0, i, [p[0], p[1]]);
-    put(geometry, n, 1, i, [p[2], shape.opacity]);
-    put(geometry, n, 2, i, [a[0], a[1]]);
-    put(geometry, n, 3, i, [a[2], b[0]]);
-    put(geometry, n, 4, i, [b[1], b[2]]);
-    put(geometry, n, 5, i, [c[0], c[1]]);
-    put(geometry, n, 6, i, [c[2], 0.0]);
-    let count = training.sh_coefficients;
-    let mut k = 0;
+    geometry.put(i, [p[0], p[1]]);
+    geometry.put(n + i, [p[2], shape.opacity]);
+    geometry.put(2 * n + i, [a[0], a[1]]);
+    geometry.put(3 * n + i, [a[2], b[0]]);
+    geometry.put(4 * n + i, [b[1], b[2]]);
+    geometry.put(5 * n + i, [c[0], c[1]]);
+    geometry.put(6 * n + i, [c[2], 0.0]);
+    let count = sh_coefficients(sh_degree);
+    let own = harmonics(training, parameters, count, j);
     // Two coefficients are three planes.
-    while k < count {
-        let [r, g, b] = harmonic(training, parameters, k, j);
-        let inside = k + 1 < count;
-        let next = harmonic(training, parameters, if inside { k + 1 } else { k }, j);
-        let [nr, ng, nb] = if inside { next } else { [0.0; 3] };
-        let plane = 3 * (k / 2);
-        put(sh, n, plane, i, [r, g]);
-        put(sh, n, plane + 1, i, [b, nr]);
-        put(sh, n, plane + 2, i, [ng, nb]);
-        k += 2;
+    macro_rules! put {
+        ($($two:literal)+) => {
+            $(if 2 * $two < count {
+                let [r, g, b] = drawn_harmonic(training, own[2 * $two], 2 * $two);
+                let [nr, ng, nb] = own[2 * $two + 1];
+                let place = 3 * $two * n + i;
+                sh.put(place, [r, g]);
+                sh.put(place + n, [b, nr]);
+                sh.put(place + 2 * n, [ng, nb]);
+            })+
+        };
     }
+    put!(0 1 2 3 4 5 6 7);
 }
+
+/// Makes a form of the stage: its entry point, and how pairs of floats are written. One invocation per splat that is
+/// trained.
+macro_rules! form {
+    ($name:ident, $pair:ty) => {
+        /// Writes splats as they are drawn.
+        #[spirv(compute(threads(256)))]
+        pub fn $name(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] parameters: &[f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] geometry: &mut [$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] sh: &mut [$pair],
+        ) {
+            if id.x < training.in_use {
+                activate(params.stride, training, sh_degree, parameters, geometry, sh, id.x);
+            }
+        }
+    };
+}
+
+form!(train_activate, f32);
+form!(train_activate_lockstep, u64);

@@ -1,11 +1,11 @@
 //! Stage `train_gradient`: the loss's gradient by all parameters, one invocation per splat that is trained. Training
 //! needs it only for checks: stage `train_step` takes its step without writing the gradient down.
 
-use crate::memory::at_mut;
-use crate::shared::Params;
+use crate::memory::{at, at_mut};
+use crate::shared::{Params, sh_coefficients};
 use crate::splat_gradient::Gradient;
-use crate::train_activate::Shape;
-use crate::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, Training};
+use crate::train_activate::{Shape, Trained, coefficients, harmonics};
+use crate::training::{LOG_SCALE, NO_PAIR, OPACITY, POSITION, ROTATION, SH, Training};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
 
@@ -13,6 +13,7 @@ use spirv_std::spirv;
 #[spirv(compute(threads(256)))]
 pub fn train_gradient(
     #[spirv(global_invocation_id)] id: UVec3,
+    #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] parameters: &[f32],
@@ -26,8 +27,18 @@ pub fn train_gradient(
     if j >= n {
         return;
     }
-    let shape = Shape::load(training, parameters, j);
-    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, j);
+    let count = sh_coefficients(sh_degree);
+    if at::<u32, _>(starts, training.first_trained + j) == NO_PAIR {
+        let mut plane = 0;
+        while plane < SH + 3 * count {
+            *at_mut(gradients, plane * n + j) = 0.0;
+            plane += 1;
+        }
+        return;
+    }
+    let shape = Shape::of(training, &Trained::load(training, parameters, j));
+    let own = harmonics(training, parameters, count, j);
+    let own = Gradient::of(params, training, &shape, &own, records, starts, slots, pairs, j);
     let mut k = 0;
     while k < 3 {
         *at_mut(gradients, (POSITION + k) * n + j) = own.position[k as usize];
@@ -40,13 +51,10 @@ pub fn train_gradient(
         k += 1;
     }
     *at_mut(gradients, OPACITY * n + j) = own.opacity;
-    let mut k = 0;
-    while k < training.sh_coefficients {
-        let b = if k < training.sh_trained { own.basis[k as usize] } else { 0.0 };
-        let first = (SH + 3 * k) * n + j;
+    coefficients!(k => if k < count {
+        let (b, first) = (own.basis[k as usize], (SH + 3 * k) * n + j);
         *at_mut(gradients, first) = b * own.colour[0];
         *at_mut(gradients, first + n) = b * own.colour[1];
         *at_mut(gradients, first + 2 * n) = b * own.colour[2];
-        k += 1;
-    }
+    });
 }

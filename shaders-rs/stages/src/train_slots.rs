@@ -1,6 +1,6 @@
 //! Stage `train_slots`: gives each splat in view that is trained one slot per tile that it may touch. Stage
-//! `splat_backward` notes there which pair the tile and the splat are; so stage `train_gradient` finds a splat's pairs
-//! in a fixed order.
+//! `splat_backward` notes there which pair the tile and the splat are; so stage `train_step` finds a splat's pairs in a
+//! fixed order. It also lists these splats, since only they take a step: on the reef a picture shows two of five.
 
 use crate::memory::{at, at_mut};
 use crate::shared::{CULLED, GROUP, NOWHERE, Outline, Params, Projected, RECORD};
@@ -23,7 +23,8 @@ pub fn load(records: &[Vec4], i: u32) -> Projected {
 }
 
 fn add(counter: &mut u32, value: u32) -> u32 {
-    // SAFETY: an atomic on a word of a storage buffer. Which splat has which slots is of no account.
+    // SAFETY: an atomic on a word of a storage buffer. Which splat has which slots, and which place in the
+    // list, is of no account.
     unsafe {
         const SCOPE: u32 = Scope::QueueFamily as u32;
         atomic_i_add::<u32, SCOPE, { Semantics::NONE.bits() }>(counter, value)
@@ -39,10 +40,11 @@ pub fn train_slots(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] records: &[Vec4],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] keys: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] starts: &mut [u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] counters: &mut SlotCounters,
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] seen: &mut [u32],
+    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] counters: &mut SlotCounters,
 ) {
     const _: () = assert!(GROUP == 256);
-    if id.x >= training.trained {
+    if id.x >= training.in_use {
         return;
     }
     let i = training.first_trained + id.x;
@@ -56,7 +58,14 @@ pub fn train_slots(
             add(&mut counters.blocks, area / 256);
             let fits = (first < training.slot_capacity) & (area <= training.slot_capacity - first);
             start = if fits { first } else { NO_PAIR };
+            let place = add(&mut counters.seen, 1);
+            *at_mut(seen, place) = id.x;
+            add(&mut counters.groups[0], if place % GROUP == 0 { 1 } else { 0 });
         }
     }
     *at_mut(starts, i) = start;
+    if id.x == 0 {
+        counters.groups[1] = 1;
+        counters.groups[2] = 1;
+    }
 }

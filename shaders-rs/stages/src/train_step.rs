@@ -2,10 +2,10 @@
 //! with the pulls and the noise of 3DGS-MCMC (Kheradmand et al. 2024). Nothing is done if the pairs or the slots did
 //! not fit: the host makes room and runs the step again.
 
-use crate::memory::{at, at_mut};
-use crate::shared::{Counters, Params, dot};
+use crate::memory::{PairsMut, at};
+use crate::shared::{Counters, Params, dot, sh_coefficients};
 use crate::splat_gradient::Gradient;
-use crate::train_activate::Shape;
+use crate::train_activate::{Shape, Trained, coefficients, harmonics, put_triple};
 use crate::training::{FADING, LOG_SCALE, OPACITY, POSITION, ROTATION, SH, SlotCounters, Training};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::num_traits::Float;
@@ -18,24 +18,21 @@ const FAINT: f32 = 0.005;
 /// How sharply it tells them apart.
 const SHARPNESS: f32 = 100.0;
 
-/// One step of the parameter at a place, along its gradient.
-fn step(
+/// One step of the parameter at a place, along its gradient. `value`: the parameter before. Returns it as it is then.
+fn step<M: PairsMut + ?Sized>(
     training: &Training,
-    parameters: &mut [f32],
-    first: &mut [f32],
-    second: &mut [f32],
+    moments: &mut M,
     place: u32,
+    value: f32,
     rate: f32,
     gradient: f32,
-) {
-    let mean = at::<f32, _>(first, place);
+) -> f32 {
+    let [mean, square] = moments.pair(place);
     let mean = mean + (1.0 - FADING[0]) * (gradient - mean);
-    let square = at::<f32, _>(second, place);
     let square = square + (1.0 - FADING[1]) * (gradient * gradient - square);
-    *at_mut(first, place) = mean;
-    *at_mut(second, place) = square;
+    moments.put(place, [mean, square]);
     let spread = (square * training.unbias[1]).sqrt() + EPSILON;
-    *at_mut(parameters, place) -= rate * (mean * training.unbias[0]) / spread;
+    value - rate * (mean * training.unbias[0]) / spread
 }
 
 /// A number's bits, mixed (PCG, Jarzynski and Olano 2020).
@@ -59,84 +56,108 @@ fn normal(seed: u32) -> [f32; 2] {
     [length * angle.cos(), length * angle.sin()]
 }
 
-/// Moves a faint splat's position by noise of its own covariance.
-fn shake(training: &Training, parameters: &mut [f32], n: u32, j: u32) {
-    let shape = Shape::load(training, parameters, j);
+/// How far a faint splat's position is moved, by noise of its own covariance.
+fn noise(training: &Training, shape: &Shape, j: u32) -> [f32; 3] {
     let faint = 1.0 / (1.0 + (SHARPNESS * (shape.opacity - FAINT)).exp());
     let size = training.noise * faint;
-    // Most splats are not faint.
-    if size > 1e-12 {
-        let seed = mixed(training.step ^ mixed(j));
-        let ([a, b], [c, _]) = (normal(seed), normal(seed ^ 0x9e37_79b9));
-        let axes = shape.unit_axes();
-        let [s0, s1, s2] = shape.scale;
-        let noise = [a, b, c];
-        let x = size * s0 * s0 * dot(axes[0], noise);
-        let y = size * s1 * s1 * dot(axes[1], noise);
-        let z = size * s2 * s2 * dot(axes[2], noise);
-        let mut k = 0;
-        while k < 3 {
-            let at_k = k as usize;
-            let moved = x * axes[0][at_k] + y * axes[1][at_k] + z * axes[2][at_k];
-            *at_mut(parameters, (POSITION + k) * n + j) += moved;
-            k += 1;
-        }
-    }
+    let seed = mixed(training.step ^ mixed(j));
+    let ([a, b], [c, _]) = (normal(seed), normal(seed ^ 0x9e37_79b9));
+    let [u, v, w] = shape.unit_axes();
+    let [s0, s1, s2] = shape.scale;
+    let noise = [a, b, c];
+    let x = size * s0 * s0 * dot(u, noise);
+    let y = size * s1 * s1 * dot(v, noise);
+    let z = size * s2 * s2 * dot(w, noise);
+    [
+        x * u[0] + y * v[0] + z * w[0],
+        x * u[1] + y * v[1] + z * w[1],
+        x * u[2] + y * v[2] + z * w[2],
+    ]
 }
 
-/// One invocation per splat that is trained.
-#[spirv(compute(threads(256)))]
-pub fn train_step(
-    #[spirv(global_invocation_id)] id: UVec3,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] counters: &Counters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] slot_counters: &SlotCounters,
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] records: &[Vec4],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] starts: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] slots: &[u32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] pairs: &[f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 8)] parameters: &mut [f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 9)] first: &mut [f32],
-    #[spirv(storage_buffer, descriptor_set = 0, binding = 10)] second: &mut [f32],
+/// Takes the step of the splat at place `j` of those that are trained.
+fn take<M: PairsMut + ?Sized>(
+    params: &Params,
+    training: &Training,
+    sh_degree: u32,
+    records: &[Vec4],
+    starts: &[u32],
+    slots: &[u32],
+    pairs: &M,
+    parameters: &mut [f32],
+    moments: &mut M,
+    j: u32,
 ) {
-    let (n, j) = (training.trained, id.x);
-    let fits = (counters.pairs_needed <= params.pair_capacity)
-        & (slot_counters.slots <= training.slot_capacity)
-        & (slot_counters.blocks <= training.slot_capacity / 256);
-    if (j >= n) | !fits {
-        return;
-    }
-    let shape = Shape::load(training, parameters, j);
-    let own = Gradient::of(params, training, parameters, &shape, records, starts, slots, pairs, j);
+    let (n, count) = (training.trained, sh_coefficients(sh_degree));
+    let before = Trained::load(training, parameters, j);
+    let shape = Shape::of(training, &before);
+    let sh = harmonics(training, parameters, count, j);
+    let own = Gradient::of(params, training, &shape, &sh, records, starts, slots, pairs, j);
     let rates = training.rates;
-    let mut k = 0;
-    while k < 3 {
-        let (place, by) = ((POSITION + k) * n + j, own.position[k as usize]);
-        step(training, parameters, first, second, place, rates[0], by);
-        let (place, by) = ((LOG_SCALE + k) * n + j, own.log_scale[k as usize]);
-        let pull = training.scale_pull * shape.scale[k as usize];
-        step(training, parameters, first, second, place, rates[1], by + pull);
-        k += 1;
+    // Written out, as arrays would lie in memory.
+    macro_rules! steps {
+        ($first:expr, $before:expr, $rate:expr, $by:expr; $($k:literal)+) => {
+            [$({
+                let place = ($first + $k) * n + j;
+                step(training, moments, place, $before[$k], $rate, $by[$k])
+            }),+]
+        };
     }
-    let mut k = 0;
-    while k < 4 {
-        let place = (ROTATION + k) * n + j;
-        step(training, parameters, first, second, place, rates[2], own.rotation[k as usize]);
-        k += 1;
-    }
+    let position = steps!(POSITION, before.position, rates[0], own.position; 0 1 2);
+    let (by, scale) = (own.log_scale, shape.scale);
+    let pull = training.scale_pull;
+    let by = [by[0] + pull * scale[0], by[1] + pull * scale[1], by[2] + pull * scale[2]];
+    let log_scale = steps!(LOG_SCALE, before.log_scale, rates[1], by; 0 1 2);
+    let rotation = steps!(ROTATION, before.rotation, rates[2], own.rotation; 0 1 2 3);
     let pull = training.opacity_pull * shape.opacity * (1.0 - shape.opacity);
-    step(training, parameters, first, second, OPACITY * n + j, rates[3], own.opacity + pull);
-    let mut k = 0;
-    while k < training.sh_trained {
+    let opacity = steps!(OPACITY, [before.opacity], rates[3], [own.opacity + pull]; 0)[0];
+    let after = Trained { position, log_scale, rotation, opacity };
+    let moved = noise(training, &Shape::of(training, &after), j);
+    let moved = [position[0] + moved[0], position[1] + moved[1], position[2] + moved[2]];
+    Trained { position: moved, ..after }.store(training, parameters, j);
+    coefficients!(k => if k < count {
+        let first = SH + 3 * k;
+        let (b, by, before) = (own.basis[k as usize], own.colour, sh[k as usize]);
         let rate = if k == 0 { rates[4] } else { rates[5] };
-        let (place, b) = ((SH + 3 * k) * n + j, own.basis[k as usize]);
-        step(training, parameters, first, second, place, rate, b * own.colour[0]);
-        step(training, parameters, first, second, place + n, rate, b * own.colour[1]);
-        step(training, parameters, first, second, place + 2 * n, rate, b * own.colour[2]);
-        k += 1;
-    }
-    if training.noise > 0.0 {
-        shake(training, parameters, n, j);
-    }
+        let [r, g, b] = steps!(first, before, rate, [b * by[0], b * by[1], b * by[2]]; 0 1 2);
+        put_triple(parameters, n, first, j, [r, g, b]);
+    });
 }
+
+/// Makes a form of the stage: its entry point, and how pairs of floats are loaded. One invocation per splat of the list
+/// that stage `train_slots` made.
+macro_rules! form {
+    ($name:ident, $pair:ty) => {
+        /// Takes the steps of the splats in view.
+        #[spirv(compute(threads(256)))]
+        pub fn $name(
+            #[spirv(global_invocation_id)] id: UVec3,
+            #[spirv(spec_constant(id = 0, default = 3))] sh_degree: u32,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 0)] params: &Params,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 1)] training: &Training,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] counters: &Counters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] slot_counters: &SlotCounters,
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] seen: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 5)] records: &[Vec4],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 6)] starts: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 7)] slots: &[u32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 8)] pairs: &[$pair],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 9)] parameters: &mut [f32],
+            #[spirv(storage_buffer, descriptor_set = 0, binding = 10)] moments: &mut [$pair],
+        ) {
+            let fits = (counters.pairs_needed <= params.pair_capacity)
+                & (slot_counters.slots <= training.slot_capacity)
+                & (slot_counters.blocks <= training.slot_capacity / 256);
+            if (id.x < slot_counters.seen) & fits {
+                let j = at(seen, id.x);
+                take(
+                    params, training, sh_degree, records, starts, slots, pairs, parameters,
+                    moments, j,
+                );
+            }
+        }
+    };
+}
+
+form!(train_step, f32);
+form!(train_step_lockstep, u64);

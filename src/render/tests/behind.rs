@@ -116,7 +116,7 @@ impl Case {
 }
 
 fn gradients(trainer: &mut Trainer, pose: &Pose) -> Vec<f32> {
-    let view = TrainingView { camera: &CAMERA, pose, frame: &frame() };
+    let view = TrainingView { camera: &CAMERA, pose, frame: &frame(), factor: 1 };
     trainer.gradients(&view, &training()).unwrap()
 }
 
@@ -210,7 +210,7 @@ fn training_behind_a_scene_leaves_its_picture_alone() {
     let (case, pose) = (Case::new(40), pose(40));
     let before = case.picture(&pose);
     let (mut trainer, frame) = (case.behind(), frame());
-    let view = TrainingView { camera: &CAMERA, pose: &pose, frame: &frame };
+    let view = TrainingView { camera: &CAMERA, pose: &pose, frame: &frame, factor: 1 };
     let mut shown = Picture::new(CAMERA.width, CAMERA.height);
     trainer.picture(&CAMERA, &pose, &mut shown).unwrap();
     let first = trainer.state().unwrap().parameters;

@@ -2,7 +2,7 @@
 
 use crate::render::{binning, kernels, radix};
 use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, PIXEL, RECORD, SUMS, TILE, sh_planes};
-use crate::training::{GRADIENT_PIXEL, PAIR_SUMS, SSIM_MAPS, SSIM_PARTIALS, planes};
+use crate::training::{GRADIENT_PIXEL, PAIR_FLOATS, SSIM_MAPS, planes};
 use crate::vulkan::DeviceInfo;
 
 use super::{PAIRS_PER_SPLAT, TrainingPlan, first_pairs, with_room};
@@ -126,7 +126,7 @@ type Size = (&'static str, u64);
 /// The buffers of a training. Those of a few words are left out.
 struct Sizes {
     /// Buffers that stay as they are, and the longest copy of a set of planes from or to the host.
-    fixed: [Size; 17],
+    fixed: [Size; 18],
     /// Workspace by splats: it is made again when pictures need more pairs.
     workspace: [Size; 5],
     /// Buffers whose size grows with (tile, splat) pairs, at first.
@@ -152,18 +152,19 @@ impl Sizes {
         Sizes {
             fixed: [
                 ("parameters", numbers),
-                ("means of gradients", numbers),
-                ("means of squares", numbers),
-                ("state", numbers),
+                ("means of gradients", 2 * numbers),
+                ("state", 2 * numbers),
                 ("geometry", floats(2 * GEOMETRY_PLANES, splats)),
                 ("spherical harmonics", floats(2 * sh_planes(plan.sh_degree), splats)),
                 ("first slots", 4 * (splats + 1)),
+                ("splats in view", 4 * splats),
                 ("picture", floats(PIXEL, pixels)),
                 ("picture read back", floats(PIXEL, pixels)),
                 ("frame", floats(3, pixels)),
                 ("8-bit picture, training frame", (3 + 4) * pixels),
-                ("blurred maps", floats(3 * SSIM_MAPS, pixels)),
-                ("derivatives of SSIM", floats(3 * SSIM_PARTIALS, pixels)),
+                ("blurred maps", floats(3 * 2 * SSIM_MAPS, pixels)),
+                ("derivatives of SSIM", floats(3 * 2, pixels)),
+                ("derivatives by means", floats(3 * 2, pixels)),
                 ("gradient of the loss", floats(GRADIENT_PIXEL, pixels)),
                 ("tile ranges", 8 * tiles),
                 ("tile starts", 4 * ((tiles << log_bin_blocks) + tiles)),
@@ -201,7 +202,7 @@ impl Sizes {
 
 fn by_pairs(count: u32) -> [Size; 3] {
     let count = u64::from(count);
-    let sums = 4 * u64::from(PAIR_SUMS) * count;
+    let sums = 8 * u64::from(PAIR_FLOATS) * count;
     [("pair splats", 4 * count), ("slots", 4 * count), ("sums of pairs", sums)]
 }
 

@@ -82,8 +82,8 @@ fn cloud(count: usize, sh_degree: u32, kind: Kind) -> Splats {
     splats
 }
 
-fn frame() -> Picture {
-    let mut frame = Picture::new(CAMERA.width, CAMERA.height);
+fn frame(camera: &Camera) -> Picture {
+    let mut frame = Picture::new(camera.width, camera.height);
     for (i, byte) in frame.data.iter_mut().enumerate() {
         *byte = ((i * 7919) % 251) as u8;
     }
@@ -104,6 +104,8 @@ struct Case {
     pose: Pose,
     frame: Picture,
     knee: f32,
+    /// By how much views are reduced.
+    factor: u32,
 }
 
 impl Case {
@@ -112,12 +114,22 @@ impl Case {
             rotation: glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.05, -0.08, 0.1),
             translation: DVec3::new(0.05, -0.1, 0.2),
         };
-        Case { splats: cloud(20, sh_degree, kind), options, pose, frame: frame(), knee }
+        let splats = cloud(20, sh_degree, kind);
+        Case { splats, options, pose, frame: frame(&CAMERA), knee, factor: 1 }
+    }
+
+    /// The same in views that are reduced.
+    fn reduced(self, factor: u32) -> Case {
+        Case { frame: frame(&CAMERA.reduced(factor)), factor, ..self }
+    }
+
+    fn camera(&self) -> Camera {
+        CAMERA.reduced(self.factor)
     }
 
     fn twin_loss(&self, splats: &Splats) -> f64 {
         let prior = Prior::from_splats(splats.clone(), self.options).unwrap();
-        let rendered = Twin::new(&prior).render(&CAMERA, &self.pose);
+        let rendered = Twin::new(&prior).reduced(self.factor).render(&self.camera(), &self.pose);
         let rgb: Vec<_> = rendered.pixels.iter().map(|[r, g, b, ..]| [*r, *g, *b]).collect();
         loss(&rgb, &self.frame, counts, SHARE.into(), self.knee.into())
     }
@@ -168,7 +180,7 @@ impl Case {
             sh_trained: coefficients,
             ssim: SHARE,
             knee: self.knee,
-            per_value: 1.0 / (3 * CAMERA.pixels()) as f32,
+            per_value: 1.0 / (3 * self.camera().pixels()) as f32,
             ..Training::default()
         }
     }
@@ -178,16 +190,19 @@ impl Case {
             let own = &self.frame.data[3 * pixel..3 * pixel + 3];
             counts(pixel).then(|| [0, 1, 2].map(|c| f32::from(own[c]) / 255.0))
         };
-        TrainingFrame::from_fn(CAMERA.pixels(), rgb)
+        TrainingFrame::from_fn(self.camera().pixels(), rgb)
     }
 }
 
 /// Medians, since cuts and stops make jumps that no gradient sees.
 fn agree(kind: Kind, sh_degree: u32, options: RenderOptions, knee: f32) {
+    agree_in(&Case::new(kind, sh_degree, options, knee), &format!("{kind:?}, knee {knee}"));
+}
+
+fn agree_in(case: &Case, what: &str) {
     let engine = common::engine();
-    let case = Case::new(kind, sh_degree, options, knee);
-    let frame = case.counted();
-    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame };
+    let (frame, camera, factor) = (case.counted(), case.camera(), case.factor);
+    let view = TrainingView { camera: &camera, pose: &case.pose, frame: &frame, factor };
     let gradients = case.trainer(&engine).gradients(&view, &case.training()).unwrap();
     let n = case.splats.positions.len();
     for (plane, gradients) in gradients.chunks_exact(n).enumerate() {
@@ -195,7 +210,8 @@ fn agree(kind: Kind, sh_degree: u32, options: RenderOptions, knee: f32) {
         let median = errors[n / 2];
         assert!(
             median < 1e-4,
-            "{kind:?}, degree {sh_degree}, knee {knee}, plane {plane}: {median} of {errors:?}"
+            "{what}, degree {}, plane {plane}: {median} of {errors:?}",
+            case.splats.sh_degree
         );
     }
     common::assert_silent(&engine);
@@ -208,7 +224,7 @@ fn steps_are_adams_along_the_gradients() {
     let case = Case::new(Kind::Ordinary, 1, RenderOptions::INRIA, 0.3);
     let mut trainer = case.trainer(&engine);
     let frame = case.counted();
-    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame };
+    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame, factor: 1 };
     let n = case.splats.positions.len();
     let rates = [1e-3, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3];
     let rate = |plane: u32| match plane {
@@ -266,6 +282,57 @@ fn gradients_agree_for_needles_discs_and_giants() {
     agree(Kind::Large, 2, RenderOptions::INRIA, 0.0);
 }
 
+#[test]
+fn gradients_agree_in_views_that_are_reduced() {
+    agree_in(&Case::new(Kind::Ordinary, 1, RenderOptions::INRIA, 0.3).reduced(2), "reduced by 2");
+    let options = RenderOptions { antialiased: true, ..RenderOptions::INRIA };
+    agree_in(&Case::new(Kind::Ordinary, 0, options, 0.3).reduced(3), "reduced by 3");
+}
+
+/// A picture says nothing of splats that it does not show, nor do those that are not in use show.
+#[test]
+fn only_splats_in_view_and_in_use_move() {
+    const IN_USE: usize = 15;
+    let engine = common::engine();
+    let mut case = Case::new(Kind::Ordinary, 1, RenderOptions::INRIA, 0.3);
+    let n = case.splats.positions.len();
+    // Behind the camera.
+    case.splats.positions[4] = [0.0, 0.0, -5.0];
+    let mut trainer = case.trainer(&engine);
+    trainer.set_in_use(IN_USE as u32);
+    let mut before = trainer.state().unwrap();
+    before.first.fill(1e-3);
+    before.second.fill(1e-6);
+    trainer.set(&before).unwrap();
+    let frame = case.counted();
+    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame, factor: 1 };
+    let (rates, unbias) = ([1e-2; 6], [1.0; 2]);
+    let pulls = Training { opacity_pull: 0.1, scale_pull: 0.1, noise: 1.0, ..case.training() };
+    trainer.step(&view, &Training { rates, unbias, ..pulls }).unwrap();
+    let after = trainer.state().unwrap();
+    let numbers = |state: &TrainingState, i: usize| -> Vec<f32> {
+        let all = [&state.parameters, &state.first, &state.second];
+        all.iter().flat_map(|planes| planes.iter().skip(i).step_by(n)).copied().collect()
+    };
+    let moved: Vec<usize> =
+        (0..n).filter(|i| numbers(&before, *i) != numbers(&after, *i)).collect();
+    assert!(!moved.contains(&4) && moved.iter().all(|i| *i < IN_USE), "{moved:?}");
+    assert!(moved.len() > IN_USE / 2, "{moved:?}");
+    let [all, some] = [n, IN_USE].map(|count| {
+        let mut splats = case.splats.clone();
+        splats.opacity_logits[count..].fill(-20.0);
+        let mut picture = Picture::new(CAMERA.width, CAMERA.height);
+        let own = Case { splats, frame: case.frame.clone(), ..case };
+        own.trainer(&engine).picture(&CAMERA, &case.pose, &mut picture).unwrap();
+        picture
+    });
+    let mut picture = all.clone();
+    trainer.set(&before).unwrap();
+    trainer.picture(&CAMERA, &case.pose, &mut picture).unwrap();
+    assert!(picture == some && picture != all, "splats that are not in use show nowhere");
+    common::assert_silent(&engine);
+}
+
 /// The steps of an update's numbers.
 const GRID: UpdateGrid = UpdateGrid { origin: [0.0; 3], exponent: -5 };
 
@@ -308,7 +375,7 @@ fn rounded_splats(splats: &Splats) -> Splats {
 fn assert_rounds(what: &str, case: &Case) {
     let engine = common::engine();
     let frame = case.counted();
-    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame };
+    let view = TrainingView { camera: &CAMERA, pose: &case.pose, frame: &frame, factor: 1 };
     let other = Case { splats: rounded_splats(&case.splats), frame: case.frame.clone(), ..*case };
     let mut trainers = [case.trainer(&engine), other.trainer(&engine)];
     let plain = trainers[0].gradients(&view, &case.training()).unwrap();

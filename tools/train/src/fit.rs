@@ -73,7 +73,10 @@ impl<'a> Fit<'a> {
             let progress = Progress { step, share, alive: count };
             let training = schedule.at(&progress, sh_degree, (self.extent, camera.pixels()));
             let trainer = trainers.of(size(camera))?;
-            trainer.step(&TrainingView { camera, pose, frame: &self.frames[turn] }, &training)?;
+            trainer.step(
+                &TrainingView { camera, pose, frame: &self.frames[turn], factor: 1 },
+                &training,
+            )?;
             told();
         }
         let state = trainers.last().state()?;

@@ -132,8 +132,9 @@ pub struct Mapper {
     /// Their poses, as far as they are corrected.
     poses: Vec<Pose>,
     exposures: Vec<Exposure>,
-    /// The pictures without it.
+    /// The pictures without it, reduced by `factor`.
     frames: Vec<TrainingFrame>,
+    factor: u32,
     /// Which picture's turn it is: all in turn, in an order that is another one in each round.
     order: Order,
     options: MapOptions,
@@ -205,6 +206,7 @@ impl Mapper {
         let mut trainer = engine.trainer(&plan)?;
         let zero = vec![0.0; parameters.len()];
         trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero })?;
+        trainer.set_in_use(alive);
         let exposures = vec![Exposure::NONE; views.len()];
         let mut mapper = Mapper {
             engine: engine.clone(),
@@ -212,6 +214,7 @@ impl Mapper {
             poses: views.iter().map(|view| view.pose).collect(),
             exposures,
             frames: Vec::new(),
+            factor: options.schedule.factor(0.0, [camera.width, camera.height]),
             order: Order::new(options.seed, views.len()),
             views,
             options: options.clone(),
@@ -233,11 +236,17 @@ impl Mapper {
             self.fit_views(round)?;
         }
         let turn = self.order.picture(round, place);
-        let (camera, pose) = (&self.views[turn].camera, &self.poses[turn]);
+        let camera = self.views[turn].camera;
+        let factor = self.options.schedule.factor(share, [camera.width, camera.height]);
+        if factor != self.factor {
+            self.factor = factor;
+            self.undo_exposures();
+        }
+        let (camera, pose) = (&camera.reduced(factor), &self.poses[turn]);
         let progress = Progress { step: self.step, share, alive: self.alive };
         let scene = (self.extent, camera.pixels());
         let training = self.options.schedule.at(&progress, self.options.sh_degree, scene);
-        let view = TrainingView { camera, pose, frame: &self.frames[turn] };
+        let view = TrainingView { camera, pose, frame: &self.frames[turn], factor };
         self.trainer.step(&view, &training)?;
         self.step += 1;
         if self.options.schedule.relocates_after(self.step, share) {
@@ -286,7 +295,12 @@ impl Mapper {
 
     fn undo_exposures(&mut self) {
         let all = self.views.par_iter().zip(&self.exposures);
-        self.frames = all.map(|(view, exposure)| exposure.undone(view)).collect();
+        let factor = self.factor as usize;
+        let frame = |(view, exposure): (&PosedPicture, &Exposure)| match factor {
+            1 => exposure.undone(view),
+            _ => exposure.undone(view).reduced(view.camera.width as usize, factor),
+        };
+        self.frames = all.map(frame).collect();
     }
 
     /// Moves splats that show nothing to where others show much, and adds some.
@@ -300,6 +314,7 @@ impl Mapper {
         self.alive = relocate(&mut state, n, alive, growth, weights.as_deref(), &mut random);
         sort_by_size(&mut state, n as usize, self.alive as usize, self.extent as f32);
         self.trainer.set(&state)?;
+        self.trainer.set_in_use(self.alive);
         Ok(())
     }
 
@@ -385,6 +400,7 @@ impl Mapper {
         }
         self.trainer.set(&state.training)?;
         (self.step, self.alive) = (state.step, state.alive);
+        self.trainer.set_in_use(self.alive);
         self.exposures.clone_from(&state.exposures);
         self.poses.clone_from(&state.poses);
         self.undo_exposures();

@@ -4,8 +4,7 @@ use nvsprior::render::training::{FADING, Training};
 use nvsprior_kernels::shared::sh_coefficients;
 
 /// Rates and pulls. The defaults are those of gsplat's MCMC preset, but for trainings of some thousand steps: splats
-/// are added faster, positions and the higher coefficients move faster, pulls are weaker, and all rates fall in the
-/// end.
+/// are added faster, all but opacities move faster, pulls are weaker, and all rates fall in the end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schedule {
     /// Rate of positions at the start, in extents of the scene.
@@ -41,6 +40,8 @@ pub struct Schedule {
     pub growth: f64,
     /// Share of the steps after which no splat is relocated.
     pub relocate_until: f32,
+    /// Share of the training in which pictures are reduced, to half their sides in the end; 0: none are.
+    pub reduced_until: f32,
 }
 
 impl Default for Schedule {
@@ -50,11 +51,11 @@ impl Default for Schedule {
             position_end: 0.01,
             others_end: 0.2,
             others_until: 0.6,
-            log_scale: 5e-3,
-            rotation: 1e-3,
+            log_scale: 1e-2,
+            rotation: 3e-3,
             opacity: 5e-2,
-            sh_first: 2.5e-3,
-            sh_others: 5e-4,
+            sh_first: 5e-3,
+            sh_others: 1e-3,
             ssim: 0.2,
             knee: 0.1,
             opacity_pull: 0.004,
@@ -65,9 +66,13 @@ impl Default for Schedule {
             relocate_every: 100,
             growth: 0.12,
             relocate_until: 0.8,
+            reduced_until: 0.4,
         }
     }
 }
+
+/// No picture is reduced to a shorter side than this one. A window of SSIM has 11 pixels.
+const COARSEST: u32 = 80;
 
 pub struct Progress {
     pub step: u32,
@@ -78,8 +83,8 @@ pub struct Progress {
 }
 
 impl Schedule {
-    /// For splats that are trained already: at `pace` times the rates of a new training, all of which fall to the share
-    /// `end`, without noise and pulls, so that a splat that no picture shows stays what it is.
+    /// For splats that are trained already: `pace` times rates that are at most those of a new training fall to the
+    /// share `end`, without noise and pulls, so that a splat that no picture shows stays what it is.
     pub fn further(pace: f32, end: f32) -> Schedule {
         let new = Schedule::default();
         Schedule {
@@ -87,11 +92,11 @@ impl Schedule {
             position_end: end,
             others_end: end,
             others_until: 0.0,
-            log_scale: pace * new.log_scale,
-            rotation: pace * new.rotation,
+            log_scale: pace * 5e-3,
+            rotation: pace * 1e-3,
             opacity: pace * new.opacity,
-            sh_first: pace * new.sh_first,
-            sh_others: pace * new.sh_others,
+            sh_first: pace * 2.5e-3,
+            sh_others: pace * 5e-4,
             opacity_pull: 0.0,
             scale_pull: 0.0,
             noise: 0.0,
@@ -99,6 +104,7 @@ impl Schedule {
             relocate_from: 0,
             relocate_every: 50,
             growth: 0.02,
+            reduced_until: 0.0,
             ..new
         }
     }
@@ -136,13 +142,43 @@ impl Schedule {
             knee: self.knee,
             first_trained: 0,
             trained: 0,
+            in_use: 0,
             rounding: [0.0; 5],
         }
+    }
+
+    /// By which factor pictures are reduced, a power of 2, once this share of the training is done. The coarsest ones
+    /// are small; each finer size has as much of the training.
+    pub fn factor(&self, share: f64, size: [u32; 2]) -> u32 {
+        let halvings = (size[0].min(size[1]) / COARSEST).max(1).ilog2();
+        let until = f64::from(self.reduced_until);
+        if !(share < until) {
+            return 1;
+        }
+        1 << (f64::from(halvings) * (1.0 - share / until)).ceil() as u32
     }
 
     /// Whether splats are relocated once so many steps, and this share of the training, are done.
     pub fn relocates_after(&self, steps: u32, share: f64) -> bool {
         let due = steps >= self.relocate_from && steps.is_multiple_of(self.relocate_every.max(1));
         due && share <= f64::from(self.relocate_until)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_grow_to_their_size() {
+        let schedule = Schedule { reduced_until: 0.4, ..Schedule::default() };
+        let factors = |size: [u32; 2]| {
+            [0.0, 0.1, 0.19, 0.21, 0.39, 0.41, 1.0].map(|share| schedule.factor(share, size))
+        };
+        assert_eq!(factors([320, 180]), [2, 2, 2, 2, 2, 1, 1]);
+        assert_eq!(factors([480, 640]), [4, 4, 4, 2, 2, 1, 1]);
+        assert_eq!(factors([160, 100]), [1; 7]);
+        let never = Schedule { reduced_until: 0.0, ..schedule };
+        assert_eq!(never.factor(0.0, [1280, 720]), 1);
     }
 }
