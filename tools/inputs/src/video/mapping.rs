@@ -58,6 +58,9 @@ type Watch<'a> = &'a mut dyn FnMut(Progress);
 
 /// JPEG's quality. What a video's coder left is finer than what this takes away, and PNG would take five times the disk.
 const QUALITY: u8 = 95;
+/// What is said of a video whose frames have little detail.
+const BLURRED: &str = "hardly any frame is sharp, so the map may fail or be blurred; record with more light or a \
+    shorter exposure, move more slowly, and clean and focus the lens";
 /// Frames are written as large as they are, up to the largest picture that is read again.
 const WHOLE: FrameSize = FrameSize::AtMost(Camera::MAX_SIDE);
 
@@ -150,12 +153,10 @@ fn write(
     let selections = select_all(&found, most);
     let mut records = Vec::new();
     for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
-        let Selection { choices, breaks, .. } = &selections[number];
-        if choices.is_empty() {
-            return Err(VideoError::Blurred { path: video.path.clone() });
-        }
+        let Selection { breaks, blurred, .. } = &selections[number];
         let mut notes = found.notes.clone();
-        for note in breaks.iter().map(|of| told(video, of)) {
+        let blurred = blurred.then(|| format!("{}: {BLURRED}", video.name()));
+        for note in breaks.iter().map(|of| told(video, of)).chain(blurred) {
             watch(Progress::Note(note.clone()));
             notes.push(note);
         }
@@ -202,7 +203,7 @@ fn told(video: &Video, of: &Break) -> String {
         Cause::Blur => "all frames between are blurred",
     };
     format!(
-        "{}: the dive breaks between {from:.1} s and {to:.1} s: {why}, and what is before and after has {:.0} % in common",
+        "{}: the dive breaks between {from:.2} s and {to:.2} s: {why}, and what is before and after has {:.0} % in common",
         video.name(),
         100.0 * overlap
     )
