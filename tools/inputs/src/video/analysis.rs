@@ -48,8 +48,8 @@ struct Anchor {
     place: Similarity,
 }
 
-/// Smooth pictures have a factor's square times the energy at the coarse width; what they have more is detail. 1 if both
-/// widths are the same.
+/// A smooth picture's energy at the coarse width is that at the fine one times the factor's square; what it has more is
+/// detail. 1 if both widths are the same.
 fn detail(fine: f64, coarse: f64, factor: usize) -> f64 {
     let smooth = 1.0 / (factor * factor) as f64;
     if factor < 2 || coarse <= 0.0 {

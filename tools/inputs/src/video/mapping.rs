@@ -1,4 +1,5 @@
-//! From videos to a folder of pictures for a mapping. Each video is decoded twice: small, to choose, and whole, to write.
+//! From videos to a folder of pictures for a mapping. Each video is decoded twice: small, to choose its frames, and
+//! whole, to write them.
 
 use std::path::{Path, PathBuf};
 
@@ -56,7 +57,7 @@ impl Step {
 
 type Watch<'a> = &'a mut dyn FnMut(Progress);
 
-/// JPEG's quality. What a video's coder left is finer than what this takes away, and PNG would take five times the disk.
+/// JPEG's quality: a video's coder has left less than what this takes away, and PNG takes several times the disk.
 const QUALITY: u8 = 95;
 /// What is said of a video whose frames have little detail.
 const BLURRED: &str = "hardly any frame is sharp, so the map may fail or be blurred; record with more light or a \
@@ -203,7 +204,8 @@ fn told(video: &Video, of: &Break) -> String {
         Cause::Blur => "all frames between are blurred",
     };
     format!(
-        "{}: the dive breaks between {from:.2} s and {to:.2} s: {why}, and what is before and after has {:.0} % in common",
+        "{}: the dive breaks between {from:.2} s and {to:.2} s: {why}, and the frames on either side have {:.0} % in \
+         common",
         video.name(),
         100.0 * overlap
     )

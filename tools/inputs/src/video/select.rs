@@ -62,7 +62,8 @@ pub struct Selection {
 
 /// Detail below which frames look blurred: what a Gaussian of 5 pixels leaves in a width of 1280.
 const BLURRED: f64 = 0.05;
-/// A frame's sharpness beside that of the sharper ones around it, below which it is blurred; and how far around, seconds.
+/// A frame's sharpness beside that of the sharper ones around it, below which it is blurred; and how far around,
+/// seconds.
 const SHARPNESS: (f64, f64) = (0.35, 2.0);
 /// The same for its detail, which longer blur takes away.
 const DETAIL: (f64, f64) = (0.3, 10.0);
