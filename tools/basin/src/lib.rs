@@ -18,6 +18,7 @@ mod safety_line;
 mod scene;
 mod sensor;
 mod solid;
+mod survey;
 mod trace;
 mod trajectory;
 mod water;
@@ -26,11 +27,13 @@ use nvsprior::{Camera, Picture, Pose};
 
 pub use export::write_run;
 pub use run::{Dive, Run};
+pub use survey::{COURSE, survey, survey_lens};
 pub use trajectory::FRAME_RATE;
 
 use nvsprior::random::Random;
 use scene::Scene;
 use sensor::Disturbance;
+use trace::Rays;
 use water::Light;
 
 /// The camera of all runs: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
@@ -185,7 +188,7 @@ fn draw(
     // Runs are hours apart: the water's surface is at another moment of its motion.
     let light =
         Light { time: time as f32 + 1000.0 * run_tag as f32, caustics: conditions.caustics };
-    let radiance = trace::draw(scene, camera, &pose, &light);
+    let radiance = trace::draw(scene, &Rays::of_camera(camera), &pose, &light);
     let disturbance = Disturbance { snow: conditions.snow, noise: conditions.noise };
     let seed = (run_tag << 24) | index as u32;
     let picture = sensor::expose(radiance, camera.width, camera.height, &disturbance, seed);

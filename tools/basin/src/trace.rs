@@ -1,6 +1,6 @@
 //! Drawing the scene: one ray per sample, four samples per pixel.
 
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec2, Vec3};
 use nvsprior::{Camera, Pose};
 use rayon::prelude::*;
 
@@ -12,53 +12,77 @@ use super::water::{LAMP_COUNT, Light};
 /// Samples per pixel: a 2 × 2 grid, each lit by a lamp of its own.
 const SAMPLES: [(f32, f32); LAMP_COUNT] = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];
 
-/// Rays of a posed camera.
+/// The rays of a camera's samples, in its own axes.
+pub struct Rays {
+    width: u32,
+    height: u32,
+    /// Focal length, pixels.
+    focal: f32,
+    /// (x/z, y/z) of each sample, pixel by pixel, row by row.
+    through: Vec<[Vec2; LAMP_COUNT]>,
+}
+
+impl Rays {
+    /// `through`: (x/z, y/z) of a picture point, pixels.
+    pub fn new(
+        width: u32,
+        height: u32,
+        focal: f32,
+        through: impl Fn(f32, f32) -> Vec2 + Sync,
+    ) -> Rays {
+        let pixels = (0..width * height).into_par_iter().map(|i| {
+            let (x, y) = ((i % width) as f32, (i / width) as f32);
+            SAMPLES.map(|(dx, dy)| through(x + dx, y + dy))
+        });
+        Rays { width, height, focal, through: pixels.collect() }
+    }
+
+    pub fn of_camera(camera: &Camera) -> Rays {
+        let Camera { width, height, fx, fy, cx, cy } = *camera;
+        Rays::new(width, height, fx, |x, y| Vec2::new((x - cx) / fx, (y - cy) / fy))
+    }
+
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+}
+
+/// A posed camera.
 pub struct Eye {
-    camera: Camera,
     origin: Vec3,
     to_world: Mat3,
 }
 
 impl Eye {
-    pub fn new(camera: &Camera, pose: &Pose) -> Eye {
+    pub fn new(pose: &Pose) -> Eye {
         let to_world = pose.matrix().transpose().as_mat3();
-        Eye { camera: *camera, origin: pose.centre().as_vec3(), to_world }
+        Eye { origin: pose.centre().as_vec3(), to_world }
     }
 
-    /// The ray through a picture point, pixels.
-    pub fn ray(&self, x: f32, y: f32) -> Ray {
-        let Camera { fx, fy, cx, cy, .. } = self.camera;
-        let through = Vec3::new((x - cx) / fx, (y - cy) / fy, 1.0);
-        Ray { origin: self.origin, direction: (self.to_world * through).normalize() }
+    /// The ray through a point of the plane before the camera.
+    pub fn ray(&self, through: Vec2) -> Ray {
+        Ray { origin: self.origin, direction: (self.to_world * through.extend(1.0)).normalize() }
     }
 }
 
 /// Radiance of every pixel, linear RGB, row-major, as seen through the water.
-pub fn draw(scene: &Scene, camera: &Camera, pose: &Pose, light: &Light) -> Vec<Vec3> {
-    let eye = Eye::new(camera, pose);
-    let width = camera.width as usize;
-    let mut radiance = vec![Vec3::ZERO; camera.pixels()];
-    radiance.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let sum: Vec3 = SAMPLES
-                .iter()
-                .enumerate()
-                .map(|(lamp, (dx, dy))| {
-                    sample(scene, &eye, light, lamp, x as f32 + dx, y as f32 + dy)
-                })
-                .sum();
-            *pixel = sum / SAMPLES.len() as f32;
-        }
-    });
-    radiance
+pub fn draw(scene: &Scene, rays: &Rays, pose: &Pose, light: &Light) -> Vec<Vec3> {
+    let eye = Eye::new(pose);
+    let pixel = |through: &[Vec2; LAMP_COUNT]| {
+        let samples = through.iter().enumerate();
+        let sample = |(lamp, through): (usize, &Vec2)| {
+            sample(scene, &eye.ray(*through), rays.focal, light, lamp)
+        };
+        samples.map(sample).sum::<Vec3>() / SAMPLES.len() as f32
+    };
+    rays.through.par_iter().map(pixel).collect()
 }
 
-fn sample(scene: &Scene, eye: &Eye, light: &Light, lamp: usize, x: f32, y: f32) -> Vec3 {
-    let ray = eye.ray(x, y);
-    let Some(hit) = scene.hit(&ray) else { return scene.water.veil };
+fn sample(scene: &Scene, ray: &Ray, focal: f32, light: &Light, lamp: usize) -> Vec3 {
+    let Some(hit) = scene.hit(ray) else { return scene.water.veil };
     // Samples are half a pixel apart. A slanting surface stretches them, up to a limit.
     let slant = hit.normal.dot(ray.direction).abs().max(0.3);
-    let footprint = 0.5 * hit.t / (eye.camera.fx * slant);
+    let footprint = 0.5 * hit.t / (focal * slant);
     let (position, normal, weeks) = (hit.position, hit.normal, scene.weeks);
     let spot = Spot { solid: hit.solid, position, normal, footprint, weeks };
     let reflected = albedo(&spot) * light.on(scene, hit.position, hit.normal, lamp);
@@ -76,9 +100,10 @@ mod tests {
             let scene = site.mapped();
             site.mapping_poses().into_iter().map(move |pose| (scene.clone(), pose))
         }) {
-            let eye = Eye::new(&CAMERA, &pose);
+            let eye = Eye::new(&pose);
             for (x, y) in [(3.5, 4.5), (160.0, 90.0), (310.0, 20.0), (77.0, 171.0)] {
-                let ray = eye.ray(x, y);
+                let through = Vec2::new((x - CAMERA.cx) / CAMERA.fx, (y - CAMERA.cy) / CAMERA.fy);
+                let ray = eye.ray(through);
                 let hit = scene.hit(&ray).unwrap();
                 let p = (pose.rotation * hit.position.as_dvec3() + pose.translation).as_vec3();
                 let (u, v) = (CAMERA.fx * p.x / p.z + CAMERA.cx, CAMERA.fy * p.y / p.z + CAMERA.cy);

@@ -51,7 +51,9 @@ mod tests {
             let poses = times().map(|time| dive.pose(time)).collect();
             (dive.run.site(), dive.scene(), poses)
         });
-        for (site, scene, poses) in mapped.into_iter().chain(inspected) {
+        let survey = times().map(quay::survey_pose).collect();
+        let surveyed = std::iter::once((Site::Quay, Site::Quay.mapped(), survey));
+        for (site, scene, poses) in mapped.into_iter().chain(inspected).chain(surveyed) {
             for pose in poses {
                 let centre = pose.centre();
                 assert!(scene.distance(centre.as_vec3(), 1.0) > 0.4, "{centre}");
@@ -75,6 +77,18 @@ mod tests {
                 assert!(moved < 0.18 && a.angle_to(&b) < 0.06, "{dive:?} at {time}: {moved}");
             }
         }
+    }
+
+    #[test]
+    fn the_survey_moves_steadily_and_comes_to_places_again() {
+        let poses: Vec<Pose> = (0..=600).map(|i| quay::survey_pose(0.1 * f64::from(i))).collect();
+        for pair in poses.windows(2) {
+            let moved = (pair[0].centre() - pair[1].centre()).length();
+            assert!(moved < 0.06 && pair[0].angle_to(&pair[1]) < 0.02, "{moved}");
+        }
+        let near = |a: &Pose, b: &Pose| (a.centre() - b.centre()).length() < 0.5;
+        let again = poses[400..].iter().filter(|a| poses[..300].iter().any(|b| near(a, b)));
+        assert!(again.count() > 20);
     }
 
     #[test]

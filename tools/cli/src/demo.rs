@@ -2,6 +2,7 @@
 
 mod drawing;
 mod table;
+mod video;
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -22,6 +23,7 @@ use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Dive, Site};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::{frame_file, values};
 use table::{Table, TableRow};
+use video::VideoArgs;
 
 /// Run the whole job on a scene that the program draws itself
 ///
@@ -53,6 +55,8 @@ pub struct Args {
     #[arg(long)]
     draw_only: bool,
     #[command(flatten)]
+    video: VideoArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -62,6 +66,9 @@ const THRESHOLD: f64 = 1e-2;
 const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if let Some(file) = args.video.file() {
+        return args.video.draw(file);
+    }
     values::make_folder("--out", &args.out)?;
     let site = args.scene.site()?;
     if args.mapping_run {

@@ -1,5 +1,6 @@
 //! `nvsprior encode`: frames in, packets out.
 
+mod frames;
 mod learn;
 
 use std::path::PathBuf;
@@ -9,18 +10,20 @@ use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
-use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Rate};
+use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::values::{self, OutputError};
+use nvsprior_inputs::video_input::VideoInputArgs;
 
 use crate::sheet::{self, SheetRow};
 use crate::summary::{self, Row};
 use crate::updates::DiveFile;
+use frames::Frames;
 
-/// Encode the frames of a camera file to packets
+/// Encode the frames of a camera file, or of a video, to packets
 ///
 /// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV file), moved by
 /// --start-offset. Each later one starts from the pose that constant velocity predicts. If that fails (--threshold), it
@@ -31,6 +34,8 @@ pub struct Args {
     prior: PriorArgs,
     #[command(flatten)]
     input: InputArgs,
+    #[command(flatten)]
+    video: VideoInputArgs,
     #[command(flatten)]
     refine: RefineArgs,
     /// The frames are already treated as the prior's preprocessing says (white balance, CLAHE): do not treat them again
@@ -210,13 +215,11 @@ fn check_outputs(args: &Args) -> Result<(), OutputError> {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let frames = args.input.frames()?;
-    check_times(&frames)?;
-    args.learn.check(&frames)?;
+    let mut frames = Frames::open(args)?;
     check_outputs(args)?;
     let mode = args.mode.mode(false)?;
-    let interest = args.interest.interest(&frames[0].camera)?;
-    let first = &frames[0];
+    let camera = frames.camera();
+    let interest = args.interest.interest(&camera)?;
     let engine = args.device.open()?;
     let scene = args.learn.upload(&args.prior, &engine)?;
     let mut options = args.refine.options();
@@ -234,16 +237,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ProfileArg::Compact => PoseProfile::Compact,
         ProfileArg::Paper => PoseProfile::Paper,
     };
-    let mut encoder = Encoder::new(&engine, &scene, &first.camera, options)?;
+    let mut encoder = Encoder::new(&engine, &scene, &camera, options)?;
     encoder.set_interest(interest);
     let mut dive_file = args.learn.begin(&mut encoder, &args.packets)?;
-    if args.input.starts == "none" {
+    if frames.begin_lost(&args.input.starts) {
         render_key_frames(&mut encoder)?;
     }
-    let bar = progress(frames.len(), "encoding");
+    let bar = progress(frames.about(), "encoding");
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());
-    for frame in &frames {
-        let (row, picture) = encode(args, &mut encoder, dive_file.as_mut(), frame)?;
+    while let Some((input, frame)) = frames.next_frame()? {
+        let (row, picture) = encode(args, &mut encoder, dive_file.as_mut(), (&input, &frame))?;
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
@@ -279,9 +282,9 @@ fn encode(
     args: &Args,
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
-    input: &Input,
+    (input, frame): (&Input, &Picture),
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
-    let (frame, encoded) = input.encode(encoder)?;
+    let (frame, encoded) = input.encode(encoder, frame)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, &encoded.packet)
         .with_context(|| format!("writing {}", packet.display()))?;

@@ -138,7 +138,7 @@ fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pai
     let bar = progress(frames.len(), "finding poses");
     let mut pairs = Vec::new();
     for frame in frames {
-        let (picture, encoded) = frame.encode(&mut encoder)?;
+        let (picture, encoded) = frame.encode(&mut encoder, &frame.read()?)?;
         // A wrong pose would teach what no difference picture looks like.
         if encoded.stats.certain {
             pairs.push(Pair { frame: picture, render: encoded.render });

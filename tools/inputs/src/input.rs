@@ -51,14 +51,22 @@ pub struct Input {
 }
 
 impl Input {
-    /// Reads the frame and encodes it as its camera's next one. Gives back both; the frame as the prior's preprocessing
-    /// left it.
-    pub fn encode(&self, encoder: &mut Encoder) -> anyhow::Result<(Picture, Encoded)> {
+    /// Reads the frame's file, at the camera's size.
+    pub fn read(&self) -> anyhow::Result<Picture> {
+        let Camera { width, height, .. } = self.camera;
+        let read = frame_file::read_frame(&self.path, width, height);
+        read.with_context(|| format!("encoding {}", self.path.display()))
+    }
+
+    /// Encodes its picture as its camera's next one. Gives back both; the picture as the prior's preprocessing left it.
+    pub fn encode(
+        &self,
+        encoder: &mut Encoder,
+        frame: &Picture,
+    ) -> anyhow::Result<(Picture, Encoded)> {
         let encoding = || format!("encoding {}", self.path.display());
         encoder.set_camera(&self.camera).with_context(encoding)?;
-        let Camera { width, height, .. } = self.camera;
-        let frame = frame_file::read_frame(&self.path, width, height).with_context(encoding)?;
-        let encoded = encoder.encode(&frame, self.external).with_context(encoding)?;
+        let encoded = encoder.encode(frame, self.external).with_context(encoding)?;
         Ok((encoder.treated_frame().clone(), encoded))
     }
 }
@@ -94,7 +102,7 @@ impl InputArgs {
         views.iter().enumerate().map(input).collect()
     }
 
-    fn read_starts(&self, path: &Path) -> anyhow::Result<HashMap<String, FrameInfo>> {
+    pub(crate) fn read_starts(&self, path: &Path) -> anyhow::Result<HashMap<String, FrameInfo>> {
         if !path.exists() {
             let what = "neither `none`, `first` or `camera-file`, nor a file that is there";
             return Err(WrongUsage(format!("--starts {}: {what}", path.display())).into());

@@ -18,3 +18,4 @@ pub mod structure;
 pub mod undistort;
 pub mod values;
 pub mod video;
+pub mod video_input;

@@ -116,6 +116,23 @@ pub fn posed_pictures(path: &Path, options: &PosedOptions) -> Result<PosedPictur
     Ok(PosedPictures { inputs, points: given.or(points) })
 }
 
+/// The lens of the first picture that a list names, of a split if that is given. The pictures need not be there.
+pub fn lens_of(path: &Path, split: Option<&str>) -> Result<Lens, PosedError> {
+    let own = || path.to_path_buf();
+    let (mut inputs, _) = if path.is_dir() {
+        let pictures = Some(PathBuf::new());
+        of_model(path, &PosedOptions { pictures, ..PosedOptions::default() })?
+    } else if path.exists() {
+        (PosedFile::open(path)?.inputs, None)
+    } else {
+        return Err(PosedError::Nothing { path: own() });
+    };
+    if let Some(split) = split {
+        inputs = of_split(inputs, split, path)?;
+    }
+    inputs.first().map(|input| input.lens).ok_or_else(|| PosedError::Empty { path: own() })
+}
+
 type Listed = (Vec<PosedInput>, Option<Vec<Point>>);
 
 fn of_camera_file(path: &Path, options: &PosedOptions) -> Result<Listed, PosedError> {

@@ -28,12 +28,6 @@ pub enum VideoError {
     )]
     Hangs { path: PathBuf, program: &'static str, seconds: u64 },
     #[error(
-        "{}: no part of this video is sharp enough to map from; record with a shorter exposure or more light, move \
-         more slowly, and clean and focus the lens",
-        path.display()
-    )]
-    Blurred { path: PathBuf },
-    #[error(
         "{}: holds other things than frames that were chosen before; move it, or write the prior elsewhere",
         path.display()
     )]

@@ -1,4 +1,5 @@
-//! From videos to a folder of pictures for a mapping. Each video is decoded twice: small, to choose, and whole, to write.
+//! From videos to a folder of pictures for a mapping. Each video is decoded twice: small, to choose its frames, and
+//! whole, to write them.
 
 use std::path::{Path, PathBuf};
 
@@ -56,8 +57,11 @@ impl Step {
 
 type Watch<'a> = &'a mut dyn FnMut(Progress);
 
-/// JPEG's quality. What a video's coder left is finer than what this takes away, and PNG would take five times the disk.
+/// JPEG's quality: a video's coder has left less than what this takes away, and PNG takes several times the disk.
 const QUALITY: u8 = 95;
+/// What is said of a video whose frames have little detail.
+const BLURRED: &str = "hardly any frame is sharp, so the map may fail or be blurred; record with more light or a \
+    shorter exposure, move more slowly, and clean and focus the lens";
 /// Frames are written as large as they are, up to the largest picture that is read again.
 const WHOLE: FrameSize = FrameSize::AtMost(Camera::MAX_SIDE);
 
@@ -150,12 +154,10 @@ fn write(
     let selections = select_all(&found, most);
     let mut records = Vec::new();
     for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
-        let Selection { choices, breaks, .. } = &selections[number];
-        if choices.is_empty() {
-            return Err(VideoError::Blurred { path: video.path.clone() });
-        }
+        let Selection { breaks, blurred, .. } = &selections[number];
         let mut notes = found.notes.clone();
-        for note in breaks.iter().map(|of| told(video, of)) {
+        let blurred = blurred.then(|| format!("{}: {BLURRED}", video.name()));
+        for note in breaks.iter().map(|of| told(video, of)).chain(blurred) {
             watch(Progress::Note(note.clone()));
             notes.push(note);
         }
@@ -202,7 +204,8 @@ fn told(video: &Video, of: &Break) -> String {
         Cause::Blur => "all frames between are blurred",
     };
     format!(
-        "{}: the dive breaks between {from:.1} s and {to:.1} s: {why}, and what is before and after has {:.0} % in common",
+        "{}: the dive breaks between {from:.2} s and {to:.2} s: {why}, and the frames on either side have {:.0} % in \
+         common",
         video.name(),
         100.0 * overlap
     )

@@ -3,6 +3,7 @@
 mod analysis;
 mod child;
 mod decoder;
+mod encoder;
 mod error;
 mod folder;
 mod frame;
@@ -16,6 +17,7 @@ mod select;
 mod source;
 
 pub use decoder::{Decoder, DecoderChoice, FrameSize, on_path};
+pub use encoder::{EncoderError, encode_video, frame_name};
 pub use error::VideoError;
 pub use folder::{FrameRecord, Record, VideoRecord, frame_times};
 pub use frame::{VideoFrame, rgb};

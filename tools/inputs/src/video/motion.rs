@@ -3,8 +3,8 @@
 
 use super::plane::Plane;
 
-/// A similarity of the picture plane: z becomes m z + t, with complex numbers. Lengths are in widths of the picture, from
-/// its middle.
+/// A similarity of the picture plane: z becomes m z + t, with complex numbers. Lengths are in widths of the picture,
+/// from its middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
     pub m: [f64; 2],
@@ -230,8 +230,8 @@ fn correlation(from: &Plane, to: &Plane, motion: &Similarity) -> (f64, f64) {
     (correlation, count as f64 / from.data.len() as f64)
 }
 
-/// A step of Gauss and Newton, with weights that let what moves otherwise count little. The better motion, and how far a
-/// corner of the picture moves by it, in widths. `None`: too little is common, or nothing to go by.
+/// A step of Gauss and Newton, with weights that let what moves otherwise count little. The better motion, and how far
+/// a corner of the picture moves by it, in widths. `None`: too little is common, or nothing to go by.
 fn step(from: &Plane, to: &Plane, motion: &Similarity) -> Option<(Similarity, f64)> {
     /// The difference, in contrasts, that counts half.
     const OUTLIER: f32 = 0.7;

@@ -56,23 +56,27 @@ pub struct Break {
 pub struct Selection {
     pub choices: Vec<Choice>,
     pub breaks: Vec<Break>,
-    /// Share of the frames that are blurred.
-    pub blurred: f64,
+    /// The chosen frames look blurred by themselves. A scene without any fine texture looks so, too.
+    pub blurred: bool,
 }
 
-/// A frame's detail below which it is blurred, whatever it shows.
-const BLURRED: f64 = 0.08;
-/// A frame's sharpness beside that of the sharper ones around it, below which it is blurred.
-const BESIDE: f64 = 0.35;
-/// How far around, seconds.
-const AROUND: f64 = 2.0;
+/// Detail below which frames look blurred: what a Gaussian of 5 pixels leaves in a width of 1280.
+const BLURRED: f64 = 0.05;
+/// A frame's sharpness beside that of the sharper ones around it, below which it is blurred; and how far around,
+/// seconds.
+const SHARPNESS: (f64, f64) = (0.35, 2.0);
+/// The same for its detail, which longer blur takes away.
+const DETAIL: (f64, f64) = (0.3, 10.0);
+/// With less in common, a new part of the dive begins.
+const LITTLE: f64 = 0.3;
+/// Frames that are nearly as sharp as the sharpest are as good.
+const AS_SHARP: f64 = 0.9;
 /// Frames that have more in common are as good as one.
 const SAME: f64 = 0.95;
 
 /// Chooses frames of one video. Fewer than `most`, if that is given: then neighbours have less in common.
 pub fn select(facts: &[Facts], aspect: f64, most: Option<usize>) -> Selection {
     let sharp = sharp(facts);
-    let blurred = sharp.iter().filter(|sharp| !**sharp).count() as f64 / facts.len().max(1) as f64;
     let by = |overlap: &Overlap| choose(facts, &sharp, aspect, overlap);
     let mut selection = by(&Overlap::USUAL);
     if let Some(most) = most.filter(|most| selection.choices.len() > *most) {
@@ -85,7 +89,9 @@ pub fn select(facts: &[Facts], aspect: f64, most: Option<usize>) -> Selection {
         }
         thin(&mut selection.choices, most, facts, aspect);
     }
-    selection.blurred = blurred;
+    let mut details: Vec<f64> = selection.choices.iter().map(|of| facts[of.at].detail).collect();
+    details.sort_by(f64::total_cmp);
+    selection.blurred = details.get(details.len() / 2).is_some_and(|detail| *detail < BLURRED);
     selection
 }
 
@@ -108,25 +114,32 @@ fn with_overlaps(chosen: &[usize], facts: &[Facts], aspect: f64) -> Vec<Choice> 
     before.zip(chosen).map(overlap).collect()
 }
 
-/// Which frames are sharp, beside those around them and by themselves.
+/// Which frames are sharp, beside those around them.
 fn sharp(facts: &[Facts]) -> Vec<bool> {
+    let by_sharpness = beside(facts, SHARPNESS, |fact| fact.sharpness);
+    let by_detail = beside(facts, DETAIL, |fact| fact.detail);
+    by_sharpness.into_iter().zip(by_detail).map(|(a, b)| a && b).collect()
+}
+
+/// Whether each frame has at least a share of what the upper quartile of those around it has.
+fn beside(facts: &[Facts], (share, around): (f64, f64), of: impl Fn(&Facts) -> f64) -> Vec<bool> {
+    /// Frames around that are looked at; of more, some.
+    const MOST: usize = 200;
     let (mut from, mut to) = (0, 0);
-    let mut around: Vec<f64> = Vec::new();
-    let sharp = |fact: &Facts| {
-        while facts[from].time < fact.time - AROUND {
+    let enough = |fact: &Facts| {
+        while facts[from].time < fact.time - around {
             from += 1;
         }
-        while to < facts.len() && facts[to].time <= fact.time + AROUND {
+        while to < facts.len() && facts[to].time <= fact.time + around {
             to += 1;
         }
-        around.clear();
-        around.extend(facts[from..to.max(from + 1)].iter().map(|other| other.sharpness));
-        // The upper quartile.
-        let at = around.len() * 3 / 4;
-        let (_, usual, _) = around.select_nth_unstable_by(at, f64::total_cmp);
-        fact.sharpness >= BESIDE * *usual && fact.detail >= BLURRED
+        let some = facts[from..to].iter().step_by((to - from).div_ceil(MOST).max(1));
+        let mut values: Vec<f64> = some.map(&of).collect();
+        let at = values.len() * 3 / 4;
+        let (_, usual, _) = values.select_nth_unstable_by(at, f64::total_cmp);
+        of(fact) >= share * *usual
     };
-    facts.iter().map(sharp).collect()
+    facts.iter().map(enough).collect()
 }
 
 fn choose(facts: &[Facts], sharp: &[bool], aspect: f64, wanted: &Overlap) -> Selection {
@@ -143,23 +156,27 @@ fn choose(facts: &[Facts], sharp: &[bool], aspect: f64, wanted: &Overlap) -> Sel
         chosen.push(next);
         last = next;
     }
-    Selection { choices: with_overlaps(&chosen, facts, aspect), breaks, blurred: 0.0 }
+    Selection { choices: with_overlaps(&chosen, facts, aspect), breaks, blurred: false }
 }
 
 /// The sharpest of the frames that show nearly what the first sharp one from `from` on shows.
 fn first(facts: &[Facts], sharp: &[bool], aspect: f64, from: usize) -> Option<usize> {
     let start = (from..facts.len()).find(|at| sharp[*at])?;
     let same = |at: &usize| facts[start].overlap(&facts[*at], aspect) >= SAME;
-    sharpest(facts, sharp, (start..facts.len()).take_while(same))
+    sharpest(facts, sharp, (start..facts.len()).take_while(same), |_| 0.0)
 }
 
-/// The sharpest frame; of equally sharp ones the first.
-fn sharpest(facts: &[Facts], sharp: &[bool], among: impl Iterator<Item = usize>) -> Option<usize> {
-    let better = |best: Option<usize>, at: usize| match best {
-        Some(best) if facts[best].sharpness >= facts[at].sharpness => Some(best),
-        _ => Some(at),
-    };
-    among.filter(|at| sharp[*at]).fold(None, better)
+/// Of the frames that are nearly as sharp as the sharpest, the one that is least `far`; of those the first.
+fn sharpest(
+    facts: &[Facts],
+    sharp: &[bool],
+    among: impl Iterator<Item = usize>,
+    far: impl Fn(usize) -> f64,
+) -> Option<usize> {
+    let among: Vec<usize> = among.filter(|at| sharp[*at]).collect();
+    let most = among.iter().map(|at| facts[*at].sharpness).fold(0.0, f64::max);
+    let good = among.into_iter().filter(|at| facts[*at].sharpness >= AS_SHARP * most);
+    good.min_by(|a, b| far(*a).total_cmp(&far(*b)))
 }
 
 /// The next frame to take after `last`, and why it may have little in common with that.
@@ -176,29 +193,140 @@ fn next(
     let end = last + 1 + enough.count();
     let within = last + 1..end;
     let window = within.clone().filter(|at| overlap(*at) <= wanted.most);
-    if let Some(best) = sharpest(facts, sharp, window) {
+    let far = |at: usize| (overlap(at) - wanted.middle()).abs();
+    if let Some(best) = sharpest(facts, sharp, window, far) {
         return Some((best, Cause::Jump));
+    }
+    if end == facts.len() {
+        // The video ends before the picture has moved on. What is new at its end is worth a frame.
+        let new = within.filter(|at| overlap(*at) <= 0.5 * (1.0 + wanted.middle()));
+        return sharpest(facts, sharp, new, overlap).map(|best| (best, Cause::Jump));
     }
     // None is sharp, or the picture leaves the window in one step: the farthest sharp one before.
     let before = within.filter(|at| sharp[*at] && overlap(*at) < SAME);
-    let nearest = |best: Option<usize>, at: usize| match best {
-        Some(best) if overlap(best) <= overlap(at) => Some(best),
-        _ => Some(at),
-    };
-    if let Some(best) = before.fold(None, nearest) {
-        // At the end of the video the picture need not move on.
-        let ends = end == facts.len() && overlap(best) > 0.5 * (1.0 + wanted.middle());
-        return (!ends).then_some((best, Cause::Jump));
-    }
-    if end == facts.len() {
-        return None;
+    if let Some(best) = before.min_by(|a, b| overlap(*a).total_cmp(&overlap(*b))) {
+        return Some((best, Cause::Jump));
     }
     let cause = if sharp[end] { Cause::Jump } else { Cause::Blur };
     let start = (end..facts.len()).find(|at| sharp[*at])?;
-    // A step beyond the window that still has something in common is taken as it is.
-    if overlap(start) > 0.3 {
+    // What still has something in common is taken as it is.
+    if overlap(start) > LITTLE {
         Some((start, cause))
     } else {
         Some((first(facts, sharp, aspect, start)?, cause))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::motion::Similarity;
+    use super::*;
+
+    const ASPECT: f64 = 0.5625;
+    /// Frames per second.
+    const RATE: f64 = 25.0;
+
+    /// Frames whose camera has gone so many widths of the picture.
+    fn facts(way: impl IntoIterator<Item = f64>) -> Vec<Facts> {
+        let fact = |(index, x): (usize, f64)| Facts {
+            index,
+            time: index as f64 / RATE,
+            sharpness: 100.0 * (1.0 + 0.02 * ((index * 37 % 11) as f64 / 11.0)),
+            detail: 0.4,
+            stretch: 0,
+            place: Similarity { t: [x, 0.0], ..Similarity::IDENTITY },
+        };
+        way.into_iter().enumerate().map(fact).collect()
+    }
+
+    fn steady(frames: usize, step: f64) -> Vec<Facts> {
+        facts((0..frames).map(|i| step * i as f64))
+    }
+
+    fn overlaps(selection: &Selection) -> Vec<f64> {
+        selection.choices.iter().filter_map(|choice| choice.overlap).collect()
+    }
+
+    #[test]
+    fn neighbours_overlap_as_wanted_at_any_speed() {
+        for step in [0.002, 0.01, 0.04, 0.15] {
+            let facts = steady(1000, step);
+            let selection = select(&facts, ASPECT, None);
+            let expected = 1000.0 * step / 0.3;
+            let count = selection.choices.len() as f64;
+            assert!((0.9 * expected..1.2 * expected + 3.0).contains(&count), "{step}: {count}");
+            assert!(selection.breaks.is_empty() && !selection.blurred);
+            let within = overlaps(&selection);
+            assert!(within.iter().all(|overlap| (0.6..=0.9).contains(overlap)), "{within:?}");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_stands_gives_few_frames() {
+        let stands = facts((0..3000).map(|i| 0.03 * (f64::from(i) * 0.01).sin()));
+        assert_eq!(select(&stands, ASPECT, None).choices.len(), 1);
+        let goes = (0..100).map(|i| 0.01 * f64::from(i));
+        let way = goes.clone().chain([0.99; 2000]).chain(goes.map(|x| 0.99 + x));
+        let count = select(&facts(way), ASPECT, None).choices.len();
+        assert!((6..=10).contains(&count), "{count}");
+    }
+
+    #[test]
+    fn sharp_frames_are_taken() {
+        let mut facts = steady(500, 0.01);
+        // Every fifth frame is sharp.
+        facts.iter_mut().filter(|fact| fact.index % 5 != 3).for_each(|fact| fact.sharpness *= 0.5);
+        let selection = select(&facts, ASPECT, None);
+        assert!(selection.choices.len() > 12);
+        assert!(selection.choices.iter().all(|choice| choice.at % 5 == 3), "{selection:?}");
+    }
+
+    #[test]
+    fn where_all_is_plain_frames_are_taken_all_the_same() {
+        let mut facts = steady(1000, 0.01);
+        facts[500..].iter_mut().for_each(|fact| fact.sharpness *= 0.02);
+        let selection = select(&facts, ASPECT, None);
+        let plain = selection.choices.iter().filter(|choice| choice.at >= 500).count();
+        assert!(plain > 12 && selection.breaks.len() <= 1, "{plain} {selection:?}");
+    }
+
+    #[test]
+    fn cuts_jumps_and_blur_break_the_dive() {
+        let mut cut = steady(600, 0.01);
+        cut[300..].iter_mut().for_each(|fact| fact.stretch = 1);
+        let [only] = select(&cut, ASPECT, None).breaks[..] else { panic!() };
+        assert!(only.cause == Cause::Jump && only.overlap == 0.0 && only.from < only.to);
+        assert!((only.to - 12.0).abs() < 0.5 && (only.from - 12.0).abs() < 1.5, "{only:?}");
+        let mut blurred = steady(600, 0.01);
+        for fact in &mut blurred[300..400] {
+            fact.sharpness *= 0.1;
+            fact.detail *= 0.1;
+        }
+        let selection = select(&blurred, ASPECT, None);
+        let [only] = selection.breaks[..] else { panic!("{:?}", selection.breaks) };
+        assert!(only.cause == Cause::Blur && only.overlap < 0.1, "{only:?}");
+        assert!(selection.choices.iter().all(|choice| !(300..400).contains(&choice.at)));
+    }
+
+    #[test]
+    fn no_more_frames_than_wanted_and_evenly() {
+        let facts = steady(2000, 0.02);
+        for most in [2, 7, 50, 90] {
+            let selection = select(&facts, ASPECT, Some(most));
+            let count = selection.choices.len();
+            assert!(count <= most && count + count / 4 + 1 >= most, "{count} of {most}");
+            let gaps = selection.choices.windows(2).map(|pair| pair[1].at - pair[0].at);
+            let (least, longest) =
+                gaps.fold((usize::MAX, 0), |(a, b), gap| (a.min(gap), b.max(gap)));
+            assert!(longest < 3 * least || most == 2, "{least} {longest}");
+        }
+    }
+
+    #[test]
+    fn a_video_without_detail_is_told() {
+        let mut facts = steady(300, 0.01);
+        facts.iter_mut().for_each(|fact| fact.detail = 0.02);
+        assert!(select(&facts, ASPECT, None).blurred);
+        assert_eq!(select(&[], ASPECT, None), Selection::default());
     }
 }

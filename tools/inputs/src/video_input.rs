@@ -1,0 +1,179 @@
+//! The frames of a video as those of a run: undistorted, at the size that they are encoded at, with their times.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use nvsprior::geometry::Lens;
+use nvsprior::image::Converter;
+use nvsprior::{Camera, FrameInfo, Picture};
+
+use crate::frame_file::{FrameFileError, same_shape};
+use crate::input::{Input, InputArgs, starts_file};
+use crate::posed::lens_of;
+use crate::values::{self, WrongUsage};
+use crate::video::{DecoderChoice, Ended, FrameSize, Video, VideoFrame, VideoReader};
+
+/// Which video, and which of its frames.
+#[derive(clap::Args)]
+pub struct VideoInputArgs {
+    /// Take the frames from a video (GStreamer or FFmpeg decodes it), undistorted and reduced. --cameras then tells the
+    /// lens only, and may be the folder of a COLMAP model, such as OUT.colmap. Frames are named by their number in the
+    /// video, as 000123; --starts is `none`, or a CSV file with these names
+    #[arg(long, value_name = "FILE", conflicts_with = "start_offset")]
+    video: Option<PathBuf>,
+    /// Take at most so many frames per second of the video [default: all]
+    #[arg(long, value_name = "FPS", requires = "video", value_parser = values::frame_rate)]
+    fps: Option<f64>,
+    /// The program that decodes the video
+    #[arg(long, value_name = "WHICH", requires = "video", default_value = "auto")]
+    decoder: DecoderChoice,
+}
+
+impl VideoInputArgs {
+    /// The video's frames, if one was given.
+    pub fn frames(&self, input: &InputArgs) -> anyhow::Result<Option<VideoFrames>> {
+        let Some(path) = &self.video else { return Ok(None) };
+        if input.starts == "camera-file" {
+            let what =
+                "the camera file has no poses of a video's frames; give `none` or a CSV file";
+            return Err(WrongUsage(format!("--starts camera-file: {what}")).into());
+        }
+        let known = starts_file(&input.starts).map(|path| input.read_starts(path)).transpose()?;
+        let lens = lens_of(&input.cameras, input.split.as_deref())?;
+        let video = Video::open(path, self.decoder)?;
+        eprintln!("{}", video.command);
+        let lens = lens_for(&lens, &video)?;
+        let camera = input.size.reduced(&lens.pinhole());
+        camera.check().with_context(|| format!("{}", input.cameras.display()))?;
+        let converter = Converter::undistorting(&lens, &camera)
+            .with_context(|| format!("{}", input.cameras.display()))?;
+        let reader = video.read(FrameSize::Full)?;
+        let every = self.fps.map_or(0.0, |fps| 1.0 / fps);
+        let (known, most) = (known.unwrap_or_default(), input.limit.unwrap_or(usize::MAX));
+        let taken = Taken { every, due: None, last: None };
+        Ok(Some(VideoFrames { video, reader, converter, camera, known, taken, most }))
+    }
+}
+
+/// The lens at the size of the video's frames.
+fn lens_for(lens: &Lens, video: &Video) -> anyhow::Result<Lens> {
+    let (found, expected) = ((video.header.width, video.header.height), lens.size());
+    if found == expected {
+        return Ok(*lens);
+    }
+    if !same_shape(found, expected) {
+        return Err(FrameFileError::Shape { path: video.path.clone(), found, expected }.into());
+    }
+    lens.resized(found.0, found.1).with_context(|| video.name())
+}
+
+/// The frames of a video, one after the other.
+pub struct VideoFrames {
+    video: Video,
+    reader: VideoReader,
+    converter: Converter,
+    camera: Camera,
+    known: HashMap<String, FrameInfo>,
+    taken: Taken,
+    /// Frames that are still wanted.
+    most: usize,
+}
+
+/// Which frames are taken, by their times.
+struct Taken {
+    /// Seconds from one to the next, at least; 0: all are taken.
+    every: f64,
+    /// When the next one is due.
+    due: Option<f64>,
+    last: Option<f64>,
+}
+
+impl Taken {
+    /// Whether a frame of this time is taken. One that is not later than the one before has no time of its own.
+    fn takes(&mut self, time: f64) -> bool {
+        /// Times are rounded to microseconds.
+        const CLOSE: f64 = 2e-6;
+        let due = self.due.unwrap_or(time);
+        // So that NaN is left out.
+        if !(time + CLOSE >= due) || self.last.is_some_and(|last| time <= last) {
+            return false;
+        }
+        // Gaps in the video are not made up for.
+        self.due = Some(if time > due + self.every { time } else { due } + self.every);
+        self.last = Some(time);
+        true
+    }
+}
+
+impl VideoFrames {
+    /// The camera that all frames are of.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// About how many frames come, if the video's length is known.
+    pub fn about(&self) -> Option<usize> {
+        let frames = self.video.duration? / self.taken.every;
+        frames.is_finite().then_some((frames as usize + 1).min(self.most))
+    }
+
+    /// The next frame, and what is known of it.
+    pub fn next_frame(&mut self) -> anyhow::Result<Option<(Input, Picture)>> {
+        if self.most == 0 {
+            return Ok(None);
+        }
+        while let Some(frame) = self.reader.next_frame()? {
+            if self.taken.takes(frame.time) {
+                self.most -= 1;
+                return self.picture(&frame).map(Some);
+            }
+        }
+        if let Some(Ended::CutOff(said)) = self.reader.ended() {
+            let last = self.taken.last.unwrap_or_default();
+            eprintln!("{}: is cut off or damaged after {last:.1} s: {said}", self.video.name());
+        }
+        Ok(None)
+    }
+
+    fn picture(&mut self, frame: &VideoFrame) -> anyhow::Result<(Input, Picture)> {
+        let name = format!("{:06}", frame.index);
+        let mut picture = Picture::new(self.camera.width, self.camera.height);
+        let converted = self.converter.convert(&frame.view(), &mut picture);
+        converted.with_context(|| format!("{}, frame {name}", self.video.name()))?;
+        let mut external = self.known.get(&name).copied().unwrap_or_default();
+        external.time = Some(frame.time);
+        let input = Input {
+            path: Path::new(&self.video.path).to_path_buf(),
+            file: name.clone(),
+            name,
+            camera: self.camera,
+            external,
+            known: None,
+        };
+        Ok((input, picture))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn taken(fps: Option<f64>, times: &[f64]) -> Vec<usize> {
+        let every = fps.map_or(0.0, |fps| 1.0 / fps);
+        let mut taken = Taken { every, due: None, last: None };
+        (0..times.len()).filter(|i| taken.takes(times[*i])).collect()
+    }
+
+    #[test]
+    fn frames_are_taken_by_their_times() {
+        let steady: Vec<f64> = (0..60).map(|i| f64::from(i) / 30.0).collect();
+        assert_eq!(taken(None, &steady).len(), 60);
+        assert_eq!(taken(Some(10.0), &steady), (0..20).map(|i| 3 * i).collect::<Vec<_>>());
+        assert_eq!(taken(Some(30.0), &steady).len(), 60);
+        assert_eq!(taken(Some(12.0), &steady).len(), 24);
+        // A gap is not made up for by frames that follow each other closely.
+        assert_eq!(taken(Some(1.0), &[0.0, 0.5, 5.3, 5.4, 5.9, 6.3, 7.0]), [0, 2, 5]);
+        assert_eq!(taken(None, &[0.0, 0.2, 0.1, f64::NAN, 0.3]), [0, 1, 4]);
+    }
+}
