@@ -7,8 +7,8 @@ GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test \
-	c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 licences deb \
-	deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check shader-toolchain gpu-check \
+	c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test \
+	first-dive licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check shader-toolchain gpu-check \
 	device-report clean paper-test setup-test
 
 help:
@@ -17,6 +17,8 @@ help:
 	@echo "make console-test   that page in headless Chromium; RENEW=1 renews the pictures in docs/console/"
 	@echo "make console-soak   eight hours of packets through the console, in fast motion: is its memory flat?"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
+	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md; an hour"
+	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
 	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           all tests"
@@ -72,6 +74,16 @@ demo-prior:
 	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
 	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 --knee 0 \
 		--out tools/basin/prior.nvsg --report target/demo-prior/report
+
+# What a survey team does with its own video, on one that the program draws.
+first-dive:
+	@scripts/setup.sh run video
+	cargo build --release --bin nvsprior
+	scripts/first-dive.sh target/first-dive
+
+poses-test:
+	@scripts/setup.sh run
+	cargo test -p nvsprior-cli --test cli -- --ignored --nocapture pycolmap_finds
 
 # How bytes grow with the age of the site: docs/mapping.md. Half an hour.
 ageing:

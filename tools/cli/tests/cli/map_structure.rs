@@ -23,7 +23,7 @@ const STAND_IN: &str = r#"#!/bin/sh
 case "$1 $2" in
   "help ")
     echo "COLMAP 9.9 -- a stand-in"; echo "  mapper"
-    [ -f ../old ] || echo "  global_mapper"
+    [ -f "$(dirname "$0")/../old" ] || echo "  global_mapper"
     exit 0;;
   *" -h") cat "$(dirname "$0")/options"; exit 0;;
 esac

@@ -14,7 +14,11 @@ const PAIR: f64 = 0.11;
 /// To find the pose of a picture with all the others, on one core.
 const POSE: f64 = 0.65;
 
+/// A step so short says little of how fast the machine is, seconds.
+const DOUBT: f64 = 30.0;
+
 /// Seconds that each step takes.
+#[derive(Clone, Copy)]
 pub struct Estimate {
     pictures: usize,
     pairs: usize,
@@ -46,11 +50,9 @@ impl Estimate {
             Step::Matches => self.matches,
             Step::Check | Step::Mapper => return,
         };
-        if seconds > 0.0 && expected > 0.0 {
-            let slower = (seconds / expected).clamp(0.1, 10.0);
-            self.matches *= slower;
-            self.poses *= slower;
-        }
+        let slower = (seconds + DOUBT) / (expected + DOUBT);
+        self.matches *= slower;
+        self.poses *= slower;
     }
 
     /// What is left from a step on, in words.
@@ -86,7 +88,13 @@ mod tests {
             estimate.text(Step::Features),
             "500 pictures, 6000 pairs: about 21 min left (features 10 min, matches 6 min, poses 5 min)"
         );
-        estimate.took(Step::Features, 6_000.0);
+        let mut short = Estimate { features: 3.0, ..estimate };
+        short.took(Step::Features, 36.0);
+        assert_eq!(
+            short.text(Step::Matches),
+            "500 pictures, 6000 pairs: about 22 min left (matches 11 min, poses 11 min)"
+        );
+        estimate.took(Step::Features, 6_270.0);
         assert_eq!(
             estimate.text(Step::Matches),
             "500 pictures, 6000 pairs: about 1.8 h left (matches 55 min, poses 54 min)"

@@ -1,0 +1,35 @@
+#!/bin/sh
+# A new user's way from a survey's video to a decoded dive, each step with its time: docs/first-dive.md.
+# Usage: first-dive.sh OUT [PROGRAM]
+set -eu
+out=$1
+program=${2:-target/release/nvsprior}
+mkdir -p "$out"
+times=$out/times.txt
+: > "$times"
+
+step() {
+    name=$1
+    shift
+    echo
+    echo "== $name: nvsprior $*"
+    begin=$(date +%s)
+    "$program" "$@"
+    printf '%6s s  %s\n' "$(($(date +%s) - begin))" "$name" | tee -a "$times"
+}
+
+step "draw a survey's video" demo --video "$out/quay.mp4"
+step "map it" map "$out/quay.mp4" --out "$out/quay.ply" --report "$out/map"
+step "draw a dive's video" demo --video "$out/dive.mp4" --dive --seconds 12 --fps 2
+step "encode the dive" encode --prior "$out/quay.ply" --cameras "$out/quay.ply.colmap" \
+    --video "$out/dive.mp4" --starts none --psnr 33 --packets "$out/packets" --summary "$out/encode.json" \
+    --frames-out "$out/vehicle"
+step "decode it" decode --prior "$out/quay.ply" --packets "$out/packets" --frames "$out/topside"
+same=0
+for frame in "$out"/topside/*.png; do
+    cmp -s "$frame" "$out/vehicle/$(basename "$frame")" || { echo "$frame differs" >&2; exit 1; }
+    same=$((same + 1))
+done
+echo
+echo "$same pictures, the same on both sides"
+cat "$times"
