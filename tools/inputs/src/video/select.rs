@@ -45,7 +45,7 @@ pub enum Cause {
 /// A place where neighbours have too little in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Break {
-    /// Times of the frames chosen on either side, seconds.
+    /// Times of the last frame before it and of the one chosen after it, seconds.
     pub from: f64,
     pub to: f64,
     pub overlap: f64,
@@ -147,14 +147,13 @@ fn choose(facts: &[Facts], sharp: &[bool], aspect: f64, wanted: &Overlap) -> Sel
     let mut breaks = Vec::new();
     let Some(mut last) = first(facts, sharp, aspect, 0) else { return Selection::default() };
     chosen.push(last);
-    while let Some((next, cause)) = next(facts, sharp, aspect, wanted, last) {
-        let overlap = facts[last].overlap(&facts[next], aspect);
-        if overlap < wanted.least {
-            let (from, to) = (facts[last].time, facts[next].time);
-            breaks.push(Break { from, to, overlap, cause });
+    while let Some(Next { at, broken }) = next(facts, sharp, aspect, wanted, last) {
+        let overlap = facts[last].overlap(&facts[at], aspect);
+        if let Some((cause, from)) = broken.filter(|_| overlap < wanted.least) {
+            breaks.push(Break { from: facts[from].time, to: facts[at].time, overlap, cause });
         }
-        chosen.push(next);
-        last = next;
+        chosen.push(at);
+        last = at;
     }
     Selection { choices: with_overlaps(&chosen, facts, aspect), breaks, blurred: false }
 }
@@ -179,42 +178,45 @@ fn sharpest(
     good.min_by(|a, b| far(*a).total_cmp(&far(*b)))
 }
 
-/// The next frame to take after `last`, and why it may have little in common with that.
+/// The frame to take next.
+struct Next {
+    at: usize,
+    /// Why it may have too little in common with the last one, and the last frame before that.
+    broken: Option<(Cause, usize)>,
+}
+
 fn next(
     facts: &[Facts],
     sharp: &[bool],
     aspect: f64,
     wanted: &Overlap,
     last: usize,
-) -> Option<(usize, Cause)> {
+) -> Option<Next> {
     let overlap = |at: usize| facts[last].overlap(&facts[at], aspect);
-    let after = last + 1..facts.len();
-    let enough = after.clone().take_while(|at| overlap(*at) >= wanted.least);
+    let near = |at: usize| Next { at, broken: None };
+    let enough = (last + 1..facts.len()).take_while(|at| overlap(*at) >= wanted.least);
     let end = last + 1 + enough.count();
     let within = last + 1..end;
     let window = within.clone().filter(|at| overlap(*at) <= wanted.most);
     let far = |at: usize| (overlap(at) - wanted.middle()).abs();
     if let Some(best) = sharpest(facts, sharp, window, far) {
-        return Some((best, Cause::Jump));
+        return Some(near(best));
     }
     if end == facts.len() {
         // The video ends before the picture has moved on. What is new at its end is worth a frame.
         let new = within.filter(|at| overlap(*at) <= 0.5 * (1.0 + wanted.middle()));
-        return sharpest(facts, sharp, new, overlap).map(|best| (best, Cause::Jump));
+        return sharpest(facts, sharp, new, overlap).map(near);
     }
     // None is sharp, or the picture leaves the window in one step: the farthest sharp one before.
     let before = within.filter(|at| sharp[*at] && overlap(*at) < SAME);
     if let Some(best) = before.min_by(|a, b| overlap(*a).total_cmp(&overlap(*b))) {
-        return Some((best, Cause::Jump));
+        return Some(near(best));
     }
-    let cause = if sharp[end] { Cause::Jump } else { Cause::Blur };
+    let broken = Some(if sharp[end] { (Cause::Jump, end - 1) } else { (Cause::Blur, last) });
     let start = (end..facts.len()).find(|at| sharp[*at])?;
     // What still has something in common is taken as it is.
-    if overlap(start) > LITTLE {
-        Some((start, cause))
-    } else {
-        Some((first(facts, sharp, aspect, start)?, cause))
-    }
+    let at = if overlap(start) > LITTLE { start } else { first(facts, sharp, aspect, start)? };
+    Some(Next { at, broken })
 }
 
 #[cfg(test)]
@@ -296,7 +298,7 @@ mod tests {
         cut[300..].iter_mut().for_each(|fact| fact.stretch = 1);
         let [only] = select(&cut, ASPECT, None).breaks[..] else { panic!() };
         assert!(only.cause == Cause::Jump && only.overlap == 0.0 && only.from < only.to);
-        assert!((only.to - 12.0).abs() < 0.5 && (only.from - 12.0).abs() < 1.5, "{only:?}");
+        assert!((only.to - 12.0).abs() < 0.5 && (only.from - 11.96).abs() < 1e-9, "{only:?}");
         let mut blurred = steady(600, 0.01);
         for fact in &mut blurred[300..400] {
             fact.sharpness *= 0.1;
