@@ -153,7 +153,7 @@ fn frames_of_a_pan_overlap_as_wanted() {
     let making = Making::new();
     making.video("pan.mp4", (0..60).map(|i| pan(i, 0)), 10.0);
     for decoder in decoders() {
-        let options = ChoiceOptions { decoder: choice(decoder), most: None };
+        let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
         let (record, notes) = choose(&making, &["pan.mp4"], &options);
         assert!(notes.is_empty() && record.finished, "{notes:?}");
         let count = record.frames.len();
@@ -228,7 +228,7 @@ fn cuts_blur_and_ends_before_the_end_are_said() {
     let whole = std::fs::read(making.path("whole.mkv")).unwrap();
     making.write("short.mkv", &whole[..whole.len() * 6 / 10]);
     for decoder in decoders() {
-        let options = ChoiceOptions { decoder: choice(decoder), most: None };
+        let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
         let said = |video: &str| {
             let (record, notes) = choose(&making, &[video], &options);
             (record, notes.join("\n"))
