@@ -31,6 +31,14 @@ validation_layer() {
     [ -n "${VK_LAYER_PATH:-}" ] || any "/usr/share/$layer" "/etc/$layer"
 }
 sanitizers() { echo 'int main(void) { return 0; }' | clang -fsanitize=address -x c - -o /dev/null; }
+# GStreamer, and the plugins that read and write videos.
+video() {
+    program gst-launch-1.0 gstreamer1.0-tools
+    need gstreamer1.0-plugins-base videoconvert gst-inspect-1.0 --exists videoconvert
+    need gstreamer1.0-plugins-good multifilesrc gst-inspect-1.0 --exists multifilesrc
+    need gstreamer1.0-plugins-ugly x264enc gst-inspect-1.0 --exists x264enc
+    need gstreamer1.0-libav avdec_h264 gst-inspect-1.0 --exists avdec_h264
+}
 # A Python environment of one's own takes what Debian packs beside Python.
 python_venv() { need python3-venv "python3 -m venv" python3 -c 'import ensurepip, venv'; }
 python() { need python3 "python3 with its library" python3 -c 'import json, struct, subprocess, zlib'; }
@@ -51,6 +59,8 @@ look() {
         test)
             need vulkan-validationlayers "the Vulkan validation layer" validation_layer
             program spirv-val spirv-tools
+            video
+            program ffmpeg
             ;;
         browser) # For the console's page.
             program chromium
@@ -105,11 +115,7 @@ look() {
             program pkg-config
             need libgstreamer1.0-dev gstreamer-1.0.pc pkg-config --exists gstreamer-1.0
             need libgstreamer-plugins-base1.0-dev gstreamer-video-1.0.pc pkg-config --exists gstreamer-video-1.0
-            program gst-launch-1.0 gstreamer1.0-tools
-            need gstreamer1.0-plugins-base videoconvert gst-inspect-1.0 --exists videoconvert
-            need gstreamer1.0-plugins-good multifilesrc gst-inspect-1.0 --exists multifilesrc
-            need gstreamer1.0-plugins-ugly x264enc gst-inspect-1.0 --exists x264enc
-            need gstreamer1.0-libav avdec_h264 gst-inspect-1.0 --exists avdec_h264
+            video
             python
             ;;
         *)

@@ -27,7 +27,7 @@ use nvsprior::{Camera, Picture, Pose};
 
 pub use export::write_run;
 pub use run::{Dive, Run};
-pub use survey::{COURSE, survey, survey_lens};
+pub use survey::{COURSE, Filmed, survey, survey_lens};
 pub use trajectory::FRAME_RATE;
 
 use nvsprior::random::Random;

@@ -8,7 +8,7 @@ use nvsprior_inputs::video::frame_name;
 
 use super::sensor::{self, Disturbance};
 use super::trace::{self, Rays};
-use super::trajectory::quay::survey_pose;
+pub use super::trajectory::quay::Filmed;
 use super::water::Light;
 use super::{Conditions, DemoFrame, quay};
 
@@ -26,23 +26,27 @@ pub fn survey_lens() -> Result<Lens, LensError> {
     Lens::new(INTRINSICS, Distortion::brown(&DISTORTION)?)
 }
 
-/// The frames of the video, each drawn when asked for. `rate`: frames per second.
+/// The frames of a video, each drawn when asked for. `rate`: frames per second.
 pub fn survey(
     lens: &Lens,
+    filmed: Filmed,
     frames: usize,
     rate: f64,
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> + use<> {
-    /// Tells its noise from that of the runs.
-    const TAG: u32 = 9;
+    // Tells their noise from that of the runs.
+    let tag: u32 = match filmed {
+        Filmed::Survey => 9,
+        Filmed::Dive => 10,
+    };
     let (scene, rays) = (quay::mapped(), Rays::of_lens(lens));
     (0..frames).map(move |index| {
         let time = index as f64 / rate;
-        let pose = survey_pose(time);
+        let pose = filmed.pose(time);
         let light = Light { time: time as f32, caustics: conditions.caustics };
         let radiance = trace::draw(&scene, &rays, &pose, &light);
         let disturbance = Disturbance { snow: conditions.snow, noise: conditions.noise };
-        let seed = (TAG << 24) | index as u32;
+        let seed = (tag << 24) | index as u32;
         let (width, height) = rays.size();
         let picture: Picture = sensor::expose(radiance, width, height, &disturbance, seed);
         DemoFrame { name: frame_name(index), picture, pose, time }
@@ -82,7 +86,7 @@ mod tests {
         let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(f64::from);
         let intrinsics = Intrinsics { width: 64, height: 36, fx, fy, cx, cy };
         let lens = Lens::new(intrinsics, Distortion::None).unwrap();
-        let (scene, pose) = (quay::mapped(), survey_pose(7.0));
+        let (scene, pose) = (quay::mapped(), Filmed::Survey.pose(7.0));
         let light = Light { time: 0.0, caustics: 0.0 };
         let draw = |rays| trace::draw(&scene, &rays, &pose, &light);
         let pairs = draw(Rays::of_lens(&lens)).into_iter().zip(draw(Rays::of_camera(&camera)));

@@ -51,7 +51,7 @@ mod tests {
             let poses = times().map(|time| dive.pose(time)).collect();
             (dive.run.site(), dive.scene(), poses)
         });
-        let survey = times().map(quay::survey_pose).collect();
+        let survey = times().map(|time| quay::Filmed::Survey.pose(time)).collect();
         let surveyed = std::iter::once((Site::Quay, Site::Quay.mapped(), survey));
         for (site, scene, poses) in mapped.into_iter().chain(inspected).chain(surveyed) {
             for pose in poses {
@@ -81,7 +81,8 @@ mod tests {
 
     #[test]
     fn the_survey_moves_steadily_and_comes_to_places_again() {
-        let poses: Vec<Pose> = (0..=600).map(|i| quay::survey_pose(0.1 * f64::from(i))).collect();
+        let poses: Vec<Pose> =
+            (0..=600).map(|i| quay::Filmed::Survey.pose(0.1 * f64::from(i))).collect();
         for pair in poses.windows(2) {
             let moved = (pair[0].centre() - pair[1].centre()).length();
             assert!(moved < 0.06 && pair[0].angle_to(&pair[1]) < 0.02, "{moved}");

@@ -83,7 +83,7 @@ fn run_of(
     let mut renderer = engine.renderer(&scene, &camera, plan)?;
     let (mut runs, mut run) = (Vec::new(), Vec::new());
     for frame in frames {
-        let (picture, encoded) = frame.encode(&mut encoder)?;
+        let (picture, encoded) = frame.encode(&mut encoder, &frame.read()?)?;
         if !encoded.stats.certain {
             runs.push(std::mem::take(&mut run));
             continue;

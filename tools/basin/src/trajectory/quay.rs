@@ -70,16 +70,32 @@ const COURSE: [[f64; 5]; 14] = [
     [1.5, 1.20, 2.5, -3.0, -9.0],
 ];
 
-/// The pose of the survey's camera, `time` seconds into its video. After the course it goes back the way it came.
-pub fn survey_pose(time: f64) -> Pose {
-    let folded = time.rem_euclid(2.0 * SURVEY);
-    let at = if folded > SURVEY { 2.0 * SURVEY - folded } else { folded };
-    let [along, height, distance, turn, pitch] = on_course(at / SURVEY);
-    let sway = |period: f64, offset: f64| (TAU * time / period + offset).sin();
-    let place =
-        DVec3::new(distance + 0.04 * sway(11.0, 0.3), along, height + 0.03 * sway(7.0, 1.1));
-    let yaw = TO_WALL + f64::to_radians(turn + 1.5 * sway(9.0, 0.4));
-    looking(place, yaw, f64::to_radians(pitch + 0.8 * sway(5.0, 2.6)))
+/// Which of the two videos of the quay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filmed {
+    /// The whole course.
+    Survey,
+    /// A later dive: a part of the course, faster, nearer to the wall, with another sway.
+    Dive,
+}
+
+impl Filmed {
+    /// The camera's pose `time` seconds into the video. After the course it goes back the way it came.
+    pub fn pose(self, time: f64) -> Pose {
+        let (on_course_at, nearer, higher, ahead) = match self {
+            Filmed::Survey => (time, 0.0, 0.0, 0.0),
+            Filmed::Dive => (8.0 + 1.3 * time, 0.12, 0.09, 2.4),
+        };
+        let folded = on_course_at.rem_euclid(2.0 * SURVEY);
+        let at = if folded > SURVEY { 2.0 * SURVEY - folded } else { folded };
+        let [along, height, distance, turn, pitch] = on_course(at / SURVEY);
+        let sway = |period: f64, offset: f64| (TAU * time / period + offset + ahead).sin();
+        let distance = distance - nearer + 0.04 * sway(11.0, 0.3);
+        let height = height + higher + 0.03 * sway(7.0, 1.1);
+        let yaw = TO_WALL + f64::to_radians(turn + 1.5 * sway(9.0, 0.4));
+        let pitch = f64::to_radians(pitch + 0.8 * sway(5.0, 2.6));
+        looking(DVec3::new(distance, along, height), yaw, pitch)
+    }
 }
 
 /// A share of the course, on a Catmull-Rom spline through its places.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use nvsprior::geometry::Distortion;
-use nvsprior_basin::{COURSE, Conditions, survey, survey_lens};
+use nvsprior_basin::{COURSE, Conditions, Filmed, survey, survey_lens};
 use nvsprior_inputs::args::progress;
 use nvsprior_inputs::frame_file::write_png;
 use nvsprior_inputs::values;
@@ -18,6 +18,9 @@ pub struct VideoArgs {
     /// camera was is written beside it (FILE.csv, as `encode --starts` reads it)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "draw_only", "mapping_run", "views", "site"])]
     video: Option<PathBuf>,
+    /// Draw another dive along a part of the survey's course, to be encoded with the survey's prior
+    #[arg(long, requires = "video")]
+    dive: bool,
     /// Length of the video. The course takes 60 s, then goes back
     #[arg(long, value_name = "SECONDS", default_value_t = COURSE, requires = "video", value_parser = seconds)]
     seconds: f64,
@@ -48,8 +51,9 @@ impl VideoArgs {
         let lens = survey_lens()?;
         let frames = ((self.seconds * self.fps).round() as usize).max(1);
         let mut poses = String::from("file,time,qw,qx,qy,qz,tx,ty,tz\n");
+        let filmed = if self.dive { Filmed::Dive } else { Filmed::Survey };
         let bar = progress(frames, "drawing");
-        for frame in survey(&lens, frames, self.fps, Conditions::CALM) {
+        for frame in survey(&lens, filmed, frames, self.fps, Conditions::CALM) {
             write_png(&folder.join(&frame.name), &frame.picture)?;
             let name = frame.name.trim_end_matches(".png");
             let ([w, x, y, z], t) = (frame.pose.wxyz(), frame.pose.translation);

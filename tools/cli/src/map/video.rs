@@ -13,7 +13,11 @@ use nvsprior_inputs::video::{
 #[derive(clap::Args)]
 #[command(next_help_heading = "Videos")]
 pub struct VideoArgs {
-    /// Take at most so many frames of the videos [default: as many as overlap by 60 to 80 %]
+    /// How much of the picture a frame has in common with the one taken before, about: 10 % more or less
+    #[arg(long, value_name = "PERCENT", conflicts_with = "cameras", default_value_t = 70,
+        value_parser = clap::value_parser!(u8).range(20..=90))]
+    overlap: u8,
+    /// Take at most so many frames of the videos; then neighbours overlap less
     #[arg(long, value_name = "N", conflicts_with = "cameras", value_parser = values::count)]
     frames: Option<usize>,
     /// The program that decodes videos
@@ -70,7 +74,8 @@ impl VideoArgs {
             Given::Videos(videos) => videos,
         };
         let folder = frames_folder(out);
-        let options = ChoiceOptions { decoder: self.decoder, most: self.frames };
+        let overlap = f64::from(self.overlap) / 100.0;
+        let options = ChoiceOptions { decoder: self.decoder, overlap, most: self.frames };
         let mut shown = Shown::default();
         let record =
             frames_for_mapping(&videos, &folder, &options, &mut |progress| shown.show(progress))?;

@@ -30,3 +30,5 @@ mod scene;
 mod stability;
 mod study;
 mod tables;
+#[cfg(unix)]
+mod video;

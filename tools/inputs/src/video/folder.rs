@@ -15,6 +15,8 @@ use super::{Decoder, Video, VideoError};
 pub struct Asked {
     pub videos: Vec<AskedVideo>,
     pub decoder: String,
+    /// Share that neighbours have in common, about.
+    pub overlap: f64,
     /// At most so many frames.
     pub most: Option<usize>,
 }

@@ -15,15 +15,24 @@ use super::folder::{
 };
 use super::frame::{VideoFrame, rgb};
 use super::reader::{Ended, VideoReader};
-use super::select::{Break, Cause, Selection, select};
+use super::select::{Break, Cause, Overlap, Selection, select};
 use super::{Video, VideoError};
 
 /// What is wanted of the frames.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct ChoiceOptions {
     pub decoder: DecoderChoice,
+    /// Share that neighbours have in common, about: 0.2 to 0.9.
+    pub overlap: f64,
     /// At most so many frames of all videos together.
     pub most: Option<usize>,
+}
+
+impl Default for ChoiceOptions {
+    /// Enough for matching from both sides, and not so much that pictures repeat each other.
+    fn default() -> ChoiceOptions {
+        ChoiceOptions { decoder: DecoderChoice::Auto, overlap: 0.7, most: None }
+    }
 }
 
 /// What a run says of itself.
@@ -75,6 +84,7 @@ pub fn frames_for_mapping(
     let asked = Asked {
         videos: videos.iter().map(|path| AskedVideo::of(path)).collect::<Result<_, _>>()?,
         decoder: format!("{:?}", options.decoder).to_lowercase(),
+        overlap: options.overlap,
         most: options.most,
     };
     if folder.is_dir() {
@@ -95,7 +105,7 @@ pub fn frames_for_mapping(
     for video in &opened {
         found.push(choose(video, watch)?);
     }
-    write(&mut folder, asked, &opened, found, options.most, watch)?;
+    write(&mut folder, asked, &opened, found, watch)?;
     Ok(folder.record.clone())
 }
 
@@ -148,10 +158,9 @@ fn write(
     asked: Asked,
     videos: &[Video],
     found: Vec<Found>,
-    most: Option<usize>,
     watch: Watch,
 ) -> Result<(), VideoError> {
-    let selections = select_all(&found, most);
+    let selections = select_all(&found, &asked);
     let mut records = Vec::new();
     for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
         let Selection { breaks, blurred, .. } = &selections[number];
@@ -188,11 +197,12 @@ fn write(
 }
 
 /// Divides the most that is wanted by what each video would have without it.
-fn select_all(found: &[Found], most: Option<usize>) -> Vec<Selection> {
-    let by = |found: &Found, most| select(&found.facts, found.aspect, most);
+fn select_all(found: &[Found], asked: &Asked) -> Vec<Selection> {
+    let wanted = Overlap::about(asked.overlap);
+    let by = |found: &Found, most| select(&found.facts, found.aspect, &wanted, most);
     let all: Vec<Selection> = found.iter().map(|found| by(found, None)).collect();
     let count: usize = all.iter().map(|selection| selection.choices.len()).sum();
-    let Some(most) = most.filter(|most| *most < count) else { return all };
+    let Some(most) = asked.most.filter(|most| *most < count) else { return all };
     let share = |selection: &Selection| (selection.choices.len() * most / count).max(1);
     found.iter().zip(&all).map(|(found, own)| by(found, Some(share(own)))).collect()
 }

@@ -6,21 +6,21 @@ use super::analysis::Facts;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Overlap {
     pub least: f64,
+    pub best: f64,
     pub most: f64,
 }
 
 impl Overlap {
-    /// Enough for matching from both sides, and not so much that pictures repeat each other.
-    pub const USUAL: Overlap = Overlap { least: 0.6, most: 0.8 };
-
-    fn middle(&self) -> f64 {
-        0.5 * (self.least + self.most)
+    /// About a share: ten hundredths more or less.
+    pub fn about(share: f64) -> Overlap {
+        const EITHER_WAY: f64 = 0.1;
+        Overlap { least: share - EITHER_WAY, best: share, most: (share + EITHER_WAY).min(SAME) }
     }
 
     /// With so much more of the picture new from one frame to the next.
     fn wider(&self, factor: f64) -> Overlap {
         let share = |of: f64| (1.0 - factor * (1.0 - of)).max(0.05);
-        Overlap { least: share(self.least), most: share(self.most) }
+        Overlap { least: share(self.least), best: share(self.best), most: share(self.most) }
     }
 }
 
@@ -45,7 +45,7 @@ pub enum Cause {
 /// A place where neighbours have too little in common.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Break {
-    /// Times of the frames chosen on either side, seconds.
+    /// Times of the last frame before it and of the one chosen after it, seconds.
     pub from: f64,
     pub to: f64,
     pub overlap: f64,
@@ -74,18 +74,18 @@ const AS_SHARP: f64 = 0.9;
 /// Frames that have more in common are as good as one.
 const SAME: f64 = 0.95;
 
-/// Chooses frames of one video. Fewer than `most`, if that is given: then neighbours have less in common.
-pub fn select(facts: &[Facts], aspect: f64, most: Option<usize>) -> Selection {
+/// Chooses frames of one video. At most `most`, if that is given: then neighbours have less in common than wanted.
+pub fn select(facts: &[Facts], aspect: f64, wanted: &Overlap, most: Option<usize>) -> Selection {
     let sharp = sharp(facts);
     let by = |overlap: &Overlap| choose(facts, &sharp, aspect, overlap);
-    let mut selection = by(&Overlap::USUAL);
+    let mut selection = by(wanted);
     if let Some(most) = most.filter(|most| selection.choices.len() > *most) {
         // More and more new from one frame to the next.
         const FACTOR: f64 = 1.05;
         let mut factor = 1.0;
         while selection.choices.len() > most && factor < 20.0 {
             factor *= FACTOR;
-            selection = by(&Overlap::USUAL.wider(factor));
+            selection = by(&wanted.wider(factor));
         }
         thin(&mut selection.choices, most, facts, aspect);
     }
@@ -147,14 +147,13 @@ fn choose(facts: &[Facts], sharp: &[bool], aspect: f64, wanted: &Overlap) -> Sel
     let mut breaks = Vec::new();
     let Some(mut last) = first(facts, sharp, aspect, 0) else { return Selection::default() };
     chosen.push(last);
-    while let Some((next, cause)) = next(facts, sharp, aspect, wanted, last) {
-        let overlap = facts[last].overlap(&facts[next], aspect);
-        if overlap < wanted.least {
-            let (from, to) = (facts[last].time, facts[next].time);
-            breaks.push(Break { from, to, overlap, cause });
+    while let Some(Next { at, broken }) = next(facts, sharp, aspect, wanted, last) {
+        let overlap = facts[last].overlap(&facts[at], aspect);
+        if let Some((cause, from)) = broken.filter(|_| overlap < wanted.least) {
+            breaks.push(Break { from: facts[from].time, to: facts[at].time, overlap, cause });
         }
-        chosen.push(next);
-        last = next;
+        chosen.push(at);
+        last = at;
     }
     Selection { choices: with_overlaps(&chosen, facts, aspect), breaks, blurred: false }
 }
@@ -179,42 +178,45 @@ fn sharpest(
     good.min_by(|a, b| far(*a).total_cmp(&far(*b)))
 }
 
-/// The next frame to take after `last`, and why it may have little in common with that.
+/// The frame to take next.
+struct Next {
+    at: usize,
+    /// Why it may have too little in common with the last one, and the last frame before that.
+    broken: Option<(Cause, usize)>,
+}
+
 fn next(
     facts: &[Facts],
     sharp: &[bool],
     aspect: f64,
     wanted: &Overlap,
     last: usize,
-) -> Option<(usize, Cause)> {
+) -> Option<Next> {
     let overlap = |at: usize| facts[last].overlap(&facts[at], aspect);
-    let after = last + 1..facts.len();
-    let enough = after.clone().take_while(|at| overlap(*at) >= wanted.least);
+    let near = |at: usize| Next { at, broken: None };
+    let enough = (last + 1..facts.len()).take_while(|at| overlap(*at) >= wanted.least);
     let end = last + 1 + enough.count();
     let within = last + 1..end;
     let window = within.clone().filter(|at| overlap(*at) <= wanted.most);
-    let far = |at: usize| (overlap(at) - wanted.middle()).abs();
+    let far = |at: usize| (overlap(at) - wanted.best).abs();
     if let Some(best) = sharpest(facts, sharp, window, far) {
-        return Some((best, Cause::Jump));
+        return Some(near(best));
     }
     if end == facts.len() {
         // The video ends before the picture has moved on. What is new at its end is worth a frame.
-        let new = within.filter(|at| overlap(*at) <= 0.5 * (1.0 + wanted.middle()));
-        return sharpest(facts, sharp, new, overlap).map(|best| (best, Cause::Jump));
+        let new = within.filter(|at| overlap(*at) <= 0.5 * (1.0 + wanted.best));
+        return sharpest(facts, sharp, new, overlap).map(near);
     }
     // None is sharp, or the picture leaves the window in one step: the farthest sharp one before.
     let before = within.filter(|at| sharp[*at] && overlap(*at) < SAME);
     if let Some(best) = before.min_by(|a, b| overlap(*a).total_cmp(&overlap(*b))) {
-        return Some((best, Cause::Jump));
+        return Some(near(best));
     }
-    let cause = if sharp[end] { Cause::Jump } else { Cause::Blur };
+    let broken = Some(if sharp[end] { (Cause::Jump, end - 1) } else { (Cause::Blur, last) });
     let start = (end..facts.len()).find(|at| sharp[*at])?;
     // What still has something in common is taken as it is.
-    if overlap(start) > LITTLE {
-        Some((start, cause))
-    } else {
-        Some((first(facts, sharp, aspect, start)?, cause))
-    }
+    let at = if overlap(start) > LITTLE { start } else { first(facts, sharp, aspect, start)? };
+    Some(Next { at, broken })
 }
 
 #[cfg(test)]
@@ -243,6 +245,19 @@ mod tests {
         facts((0..frames).map(|i| step * i as f64))
     }
 
+    fn usual(facts: &[Facts]) -> Selection {
+        select(facts, ASPECT, &Overlap::about(0.7), None)
+    }
+
+    #[test]
+    fn more_overlap_takes_more_frames() {
+        let facts = steady(1000, 0.005);
+        let [some, more] =
+            [0.5, 0.9].map(|share| select(&facts, ASPECT, &Overlap::about(share), None));
+        assert!(more.choices.len() > 4 * some.choices.len() && more.breaks.is_empty());
+        assert!(overlaps(&more).iter().all(|overlap| (0.8..=0.95).contains(overlap)));
+    }
+
     fn overlaps(selection: &Selection) -> Vec<f64> {
         selection.choices.iter().filter_map(|choice| choice.overlap).collect()
     }
@@ -251,7 +266,7 @@ mod tests {
     fn neighbours_overlap_as_wanted_at_any_speed() {
         for step in [0.002, 0.01, 0.04, 0.15] {
             let facts = steady(1000, step);
-            let selection = select(&facts, ASPECT, None);
+            let selection = usual(&facts);
             let expected = 1000.0 * step / 0.3;
             let count = selection.choices.len() as f64;
             assert!((0.9 * expected..1.2 * expected + 3.0).contains(&count), "{step}: {count}");
@@ -264,10 +279,10 @@ mod tests {
     #[test]
     fn a_camera_that_stands_gives_few_frames() {
         let stands = facts((0..3000).map(|i| 0.03 * (f64::from(i) * 0.01).sin()));
-        assert_eq!(select(&stands, ASPECT, None).choices.len(), 1);
+        assert_eq!(usual(&stands).choices.len(), 1);
         let goes = (0..100).map(|i| 0.01 * f64::from(i));
         let way = goes.clone().chain([0.99; 2000]).chain(goes.map(|x| 0.99 + x));
-        let count = select(&facts(way), ASPECT, None).choices.len();
+        let count = usual(&facts(way)).choices.len();
         assert!((6..=10).contains(&count), "{count}");
     }
 
@@ -276,7 +291,7 @@ mod tests {
         let mut facts = steady(500, 0.01);
         // Every fifth frame is sharp.
         facts.iter_mut().filter(|fact| fact.index % 5 != 3).for_each(|fact| fact.sharpness *= 0.5);
-        let selection = select(&facts, ASPECT, None);
+        let selection = usual(&facts);
         assert!(selection.choices.len() > 12);
         assert!(selection.choices.iter().all(|choice| choice.at % 5 == 3), "{selection:?}");
     }
@@ -285,7 +300,7 @@ mod tests {
     fn where_all_is_plain_frames_are_taken_all_the_same() {
         let mut facts = steady(1000, 0.01);
         facts[500..].iter_mut().for_each(|fact| fact.sharpness *= 0.02);
-        let selection = select(&facts, ASPECT, None);
+        let selection = usual(&facts);
         let plain = selection.choices.iter().filter(|choice| choice.at >= 500).count();
         assert!(plain > 12 && selection.breaks.len() <= 1, "{plain} {selection:?}");
     }
@@ -294,15 +309,15 @@ mod tests {
     fn cuts_jumps_and_blur_break_the_dive() {
         let mut cut = steady(600, 0.01);
         cut[300..].iter_mut().for_each(|fact| fact.stretch = 1);
-        let [only] = select(&cut, ASPECT, None).breaks[..] else { panic!() };
+        let [only] = usual(&cut).breaks[..] else { panic!() };
         assert!(only.cause == Cause::Jump && only.overlap == 0.0 && only.from < only.to);
-        assert!((only.to - 12.0).abs() < 0.5 && (only.from - 12.0).abs() < 1.5, "{only:?}");
+        assert!((only.to - 12.0).abs() < 0.5 && (only.from - 11.96).abs() < 1e-9, "{only:?}");
         let mut blurred = steady(600, 0.01);
         for fact in &mut blurred[300..400] {
             fact.sharpness *= 0.1;
             fact.detail *= 0.1;
         }
-        let selection = select(&blurred, ASPECT, None);
+        let selection = usual(&blurred);
         let [only] = selection.breaks[..] else { panic!("{:?}", selection.breaks) };
         assert!(only.cause == Cause::Blur && only.overlap < 0.1, "{only:?}");
         assert!(selection.choices.iter().all(|choice| !(300..400).contains(&choice.at)));
@@ -312,7 +327,7 @@ mod tests {
     fn no_more_frames_than_wanted_and_evenly() {
         let facts = steady(2000, 0.02);
         for most in [2, 7, 50, 90] {
-            let selection = select(&facts, ASPECT, Some(most));
+            let selection = select(&facts, ASPECT, &Overlap::about(0.7), Some(most));
             let count = selection.choices.len();
             assert!(count <= most && count + count / 4 + 1 >= most, "{count} of {most}");
             let gaps = selection.choices.windows(2).map(|pair| pair[1].at - pair[0].at);
@@ -326,7 +341,7 @@ mod tests {
     fn a_video_without_detail_is_told() {
         let mut facts = steady(300, 0.01);
         facts.iter_mut().for_each(|fact| fact.detail = 0.02);
-        assert!(select(&facts, ASPECT, None).blurred);
-        assert_eq!(select(&[], ASPECT, None), Selection::default());
+        assert!(usual(&facts).blurred);
+        assert_eq!(usual(&[]), Selection::default());
     }
 }

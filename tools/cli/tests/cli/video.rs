@@ -1,0 +1,176 @@
+//! `nvsprior map VIDEO`, `encode --video` and `demo --video`.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use nvsprior::Picture;
+use nvsprior_basin::{Conditions, Site, mapping_run};
+use nvsprior_inputs::video::{DecoderChoice, encode_video, frame_name};
+use serde_json::Value;
+
+use crate::dive::{Dive, FRAMES, pictures, save};
+use crate::scene::{CAMERA, pose};
+
+/// Writes pictures as a video, each so many times, one a second.
+fn video<'a>(
+    dive: &Dive,
+    name: &str,
+    pictures: impl IntoIterator<Item = &'a Picture>,
+    times: usize,
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let all = pictures.into_iter().flat_map(|picture| std::iter::repeat_n(picture, times));
+    for (i, picture) in all.enumerate() {
+        save(picture, &folder.path().join(frame_name(i)));
+    }
+    let made = encode_video(folder.path(), 1.0, &dive.path(name), DecoderChoice::Auto);
+    made.expect("scripts/setup.sh test installs what makes videos");
+}
+
+/// A program of the dive's folder `bin`.
+fn program(dive: &Dive, name: &str, script: &str) {
+    std::fs::create_dir_all(dive.path("bin")).unwrap();
+    let file = dive.path("bin").join(name);
+    std::fs::write(&file, format!("#!/bin/sh\n{script}\n")).unwrap();
+    std::fs::set_permissions(&file, PermissionsExt::from_mode(0o755)).unwrap();
+}
+
+fn path_with(dive: &Dive, others: &str) -> String {
+    format!("{}:{others}", dive.path("bin").display())
+}
+
+#[test]
+fn a_video_becomes_a_folder_of_pictures() {
+    let dive = Dive::without_frames();
+    // The first row of the quay's mapping run: each picture has most of the one before.
+    let run: Vec<Picture> =
+        mapping_run(Site::Quay, Conditions::CALM).take(8).map(|frame| frame.picture).collect();
+    video(&dive, "dive.mp4", &run, 1);
+    // COLMAP lists what it was given, and fails.
+    program(
+        &dive,
+        "colmap",
+        "case \"$1\" in help) echo COLMAP 9;; *) [ \"$2\" = -h ] || { cat pictures.txt >&2; exit 3; };; esac",
+    );
+    let path = path_with(&dive, "/usr/bin:/bin");
+    let map = || dive.run_with("map dive.mp4 --out p.ply --frames 5", &[("PATH", &path)]);
+    let run = map()
+        .ends_with(1)
+        .says("frames are in p.ply.frames")
+        .says("colmap feature_extractor failed");
+    let run = run.says("dive.mp4: 320×180, 8.0 s").says("01-dive/000000.jpg");
+    let shown = run.stderr.contains("ffmpeg -nostdin") || run.stderr.contains("gst-launch-1.0 -q");
+    assert!(shown, "the decoder's arguments: {}", run.stderr);
+    let record: Value = dive.json("p.ply.frames/frames.json");
+    let frames = record["frames"].as_array().unwrap();
+    assert!((3..=5).contains(&frames.len()), "{record}");
+    let overlaps: Vec<f64> = frames[1..].iter().map(|of| of["overlap"].as_f64().unwrap()).collect();
+    assert!(overlaps.iter().all(|overlap| (0.5..0.95).contains(overlap)), "{record}");
+    assert_eq!((&frames[0]["time"], &frames[0]["overlap"]), (&0.0.into(), &Value::Null));
+    assert_eq!(record["videos"][0]["frames"], 8);
+    map().says("(chosen before)");
+}
+
+#[test]
+fn wrong_paths_and_arguments_are_refused() {
+    let dive = Dive::without_frames();
+    std::fs::create_dir(dive.path("images")).unwrap();
+    std::fs::write(dive.path("a.mp4"), "no video").unwrap();
+    let map = |args: &str| dive.run(&format!("map {args} --out p.ply"));
+    map("images a.mp4").ends_with(2).says("one folder of pictures, or one or more videos");
+    map("a.mp4 --frames 1").ends_with(2).says("at least two");
+    map("images --frames 5").ends_with(2).says("--frames is for videos");
+    map("a.mp4 none.mp4").ends_with(1).says("none.mp4: neither a folder of pictures nor a video");
+    map("a.mp4 --cameras c.json").ends_with(2);
+    map("a.mp4").ends_with(1).says("a.mp4: no frame can be read");
+    let encode = |args: &str| {
+        dive.run(&format!("encode --prior prior.ply --cameras c.json --packets p {args}"))
+    };
+    encode("--video a.mp4 --starts camera-file").ends_with(2).says("no poses of a video's frames");
+    encode("--fps 3").ends_with(2);
+}
+
+#[test]
+fn decoders_that_are_missing_or_fail_are_named() {
+    let dive = Dive::without_frames();
+    std::fs::write(dive.path("a.mp4"), "some video").unwrap();
+    std::fs::create_dir(dive.path("bin")).unwrap();
+    let only = dive.path("bin").display().to_string();
+    let map = |args: &str, path: &str| {
+        dive.run_with(&format!("map a.mp4 --out p.ply {args}"), &[("PATH", path)])
+    };
+    map("", &only)
+        .ends_with(1)
+        .says("neither ffmpeg nor gst-launch-1.0 is on the PATH")
+        .says("apt-get install");
+    map("--decoder ffmpeg", &only).ends_with(1).says("ffmpeg is not on the PATH");
+    // GStreamer's program hangs now and then after it failed.
+    program(
+        &dive,
+        "gst-launch-1.0",
+        "echo 'ERROR: from element /p/x: It broke.' >&2; exec sleep 100",
+    );
+    let path = path_with(&dive, "/usr/bin:/bin");
+    map("--decoder gstreamer", &path).ends_with(1).says("gst-launch-1.0 says: It broke.");
+    program(&dive, "ffmpeg", "echo 'it broke, too' >&2; exit 1");
+    program(&dive, "ffprobe", "exit 1");
+    let both = map("", &path).ends_with(1);
+    both.says("ffmpeg says: it broke, too").says("gst-launch-1.0 says: It broke.");
+}
+
+#[test]
+fn a_video_is_encoded_with_its_times() {
+    let dive = Dive::new();
+    video(&dive, "dive.mp4", pictures(), 2);
+    // The poses that are known, by the frames' numbers.
+    let row = |t: usize| {
+        let (pose, index) = (pose(t as f64), 2 * t);
+        let ([w, x, y, z], p) = (pose.wxyz(), pose.translation);
+        format!("{index:06},{w},{x},{y},{z},{},{},{}\n", p.x, p.y, p.z)
+    };
+    let rows: String = (0..FRAMES).map(row).collect();
+    std::fs::write(dive.path("starts.csv"), format!("file,qw,qx,qy,qz,tx,ty,tz\n{rows}")).unwrap();
+    let fixed =
+        "encode --prior prior.ply --cameras cameras.json --packets packets --summary summary.json";
+    dive.run(&format!("{fixed} --video dive.mp4 --fps 0.5 --starts starts.csv --limit {FRAMES}"))
+        .ends_with(0);
+    let summary = dive.json("summary.json");
+    let frames = summary["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), FRAMES);
+    for (t, frame) in frames.iter().enumerate() {
+        assert_eq!(frame["file"], format!("{:06}", 2 * t));
+        assert!((frame["time"].as_f64().unwrap() - 2.0 * t as f64).abs() < 1e-3, "{frame}");
+        assert!(frame["psnr"].as_f64().unwrap() > 25.0, "{frame}");
+        assert!(dive.path(&format!("packets/{:06}.nvsp", 2 * t)).is_file());
+    }
+    assert_eq!(frames[0]["start"], "external");
+}
+
+#[test]
+fn a_video_of_another_shape_than_the_lens_is_refused() {
+    let dive = Dive::new();
+    video(&dive, "dive.mp4", pictures(), 1);
+    let mut cameras = dive.json("cameras.json");
+    cameras["height"] = (CAMERA.height * 2).into();
+    dive.write_json("cameras.json", &cameras);
+    let args = "encode --prior prior.ply --cameras cameras.json --packets packets --video dive.mp4";
+    dive.run(args).ends_with(1).says("dive.mp4: 160×90 is of another shape");
+}
+
+#[test]
+fn a_survey_of_the_quay_becomes_a_video() {
+    let dive = Dive::without_frames();
+    let run = dive.run("demo --video quay.mp4 --seconds 0.25 --fps 4").ends_with(0);
+    assert!(
+        run.stdout.contains("--camera-model OPENCV --camera-params 760,760,644,356,-0.12,"),
+        "{}",
+        run.stdout
+    );
+    let csv = std::fs::read_to_string(dive.path("quay.mp4.csv")).unwrap();
+    assert_eq!(csv.lines().count(), 2);
+    assert!(csv.lines().nth(1).unwrap().starts_with("000000,0,"), "{csv}");
+    assert!(std::fs::metadata(dive.path("quay.mp4")).unwrap().len() > 10_000);
+    assert!(!Path::new(&dive.path("quay.mp4.drawn")).exists());
+    let refused = dive.run("demo --video none/quay.mp4").ends_with(1);
+    refused.says("--video none/quay.mp4: cannot be written");
+}

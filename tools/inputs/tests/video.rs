@@ -1,0 +1,245 @@
+//! Videos, made by the programs that decode them: every frame comes once, with its time, upright, and those for a
+//! mapping are chosen.
+
+mod making;
+
+use std::path::Path;
+
+use making::{Making, PAN, decoders, pan, rotate, shade};
+use nvsprior::image::Converter;
+use nvsprior_inputs::video::{
+    ChoiceOptions, Decoder, DecoderChoice, Ended, FrameSize, Progress, Record, Video, VideoError,
+    VideoFrame, frames_for_mapping, rgb,
+};
+
+fn choice(decoder: Decoder) -> DecoderChoice {
+    match decoder {
+        Decoder::Gstreamer => DecoderChoice::Gstreamer,
+        Decoder::Ffmpeg => DecoderChoice::Ffmpeg,
+    }
+}
+
+fn all_frames(path: &Path, decoder: Decoder, size: FrameSize) -> (Vec<VideoFrame>, Ended) {
+    let video = Video::open(path, choice(decoder)).unwrap();
+    let mut reader = video.read(size).unwrap();
+    let mut frames = Vec::new();
+    while let Some(frame) = reader.next_frame().unwrap() {
+        frames.push(frame);
+    }
+    (frames, reader.ended().unwrap().clone())
+}
+
+fn mean(frame: &VideoFrame) -> f64 {
+    let (width, height) = frame.size();
+    let picture = rgb(&mut Converter::new(width, height).unwrap(), frame).unwrap();
+    picture.data.iter().map(|value| f64::from(*value)).sum::<f64>() / picture.data.len() as f64
+}
+
+#[test]
+fn every_frame_comes_once_with_its_time() {
+    let making = Making::new();
+    let times: Vec<f64> = (0..20).map(|i| f64::from(i) * 0.1).collect();
+    let steady = making.video("steady 1.mp4", (0..20).map(|i| shade(64, 36, i)), 10.0);
+    // Frames at 0, 0.1, … 0.9, then three times as far apart.
+    let uneven: Vec<f64> = (0..20)
+        .map(|i| if i < 10 { 0.1 * f64::from(i) } else { 0.3 * f64::from(i) - 2.0 })
+        .collect();
+    let varies = making.uneven(&steady, "varies.mkv", "if(lt(N,10),N/10,N*0.3-2)/TB");
+    for decoder in decoders() {
+        for (video, times) in [(&steady, &times), (&varies, &uneven)] {
+            let (frames, ended) = all_frames(video, decoder, FrameSize::Full);
+            assert_eq!((frames.len(), ended), (20, Ended::Whole), "{decoder:?} {video:?}");
+            for (i, (frame, time)) in frames.iter().zip(times).enumerate() {
+                assert_eq!((frame.index, frame.size()), (i, (64, 36)));
+                assert!((frame.time - time).abs() < 0.0011, "{decoder:?} {i}: {}", frame.time);
+                let expected = making::level(i as u32);
+                assert!((mean(frame) - expected).abs() < 3.0, "{decoder:?} {i}: {}", mean(frame));
+            }
+        }
+    }
+}
+
+#[test]
+fn rotated_videos_come_upright() {
+    let making = Making::new();
+    let video = making.video("lies.mp4", (0..4).map(|_| making::halves(64, 36)), 10.0);
+    for (turn, size, dark) in [
+        (0, (64, 36), "left"),
+        (90, (36, 64), "top"),
+        (180, (64, 36), "right"),
+        (270, (36, 64), "bottom"),
+    ] {
+        let turned = rotate(&video, turn);
+        for decoder in decoders() {
+            let (frames, _) = all_frames(&turned, decoder, FrameSize::Full);
+            assert_eq!(frames[0].size(), size, "{decoder:?} {turn}");
+            let luma = frames[0].luma();
+            let at = |x: u32, y: u32| luma[(y * size.0 + x) as usize] < 100;
+            let sides = [
+                ("left", at(2, size.1 / 2)),
+                ("right", at(size.0 - 3, size.1 / 2)),
+                ("top", at(size.0 / 2, 2)),
+                ("bottom", at(size.0 / 2, size.1 - 3)),
+            ];
+            let found: Vec<&str> =
+                sides.iter().filter(|(_, dark)| *dark).map(|(side, _)| *side).collect();
+            assert!(found.contains(&dark), "{decoder:?} {turn}: {found:?}");
+            let opposite = ["left", "right", "top", "bottom"]
+                .into_iter()
+                .find(|side| making::opposite(dark) == *side);
+            assert!(!found.contains(&opposite.unwrap()), "{decoder:?} {turn}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn odd_sizes_and_wide_pixels_are_read_and_reduced() {
+    let making = Making::new();
+    let Some(odd) = making.odd("odd.mkv") else { return };
+    for decoder in decoders() {
+        let (frames, ended) = all_frames(&odd, decoder, FrameSize::Full);
+        // 51 × 37 pixels, each twice as wide as high.
+        assert_eq!((frames.len(), ended, frames[0].size()), (5, Ended::Whole, (102, 37)));
+        let (small, _) = all_frames(&odd, decoder, FrameSize::AtMost(40));
+        let (width, height) = small[0].size();
+        assert!(width == 40 && (14..=15).contains(&height), "{decoder:?}: {width}×{height}");
+    }
+}
+
+#[test]
+fn what_is_no_video_is_told() {
+    let making = Making::new();
+    let open = |name: &str, decoder| Video::open(&making.path(name), choice(decoder));
+    making.write("text.mp4", b"no video at all\n");
+    making.write("empty.mp4", b"");
+    making.video("whole.mp4", (0..30).map(|i| shade(64, 36, i)), 10.0);
+    let whole = std::fs::read(making.path("whole.mp4")).unwrap();
+    // Its index lies at its end.
+    making.write("cut.mp4", &whole[..whole.len() / 2]);
+    making.sound("sound.mkv");
+    for decoder in decoders() {
+        let program = decoder.program();
+        let text = open("text.mp4", decoder).unwrap_err().to_string();
+        assert!(
+            text.contains("text.mp4: no frame can be read") && text.contains(program),
+            "{text}"
+        );
+        let text = open("cut.mp4", decoder).unwrap_err().to_string();
+        assert!(text.contains("cut off before its index was written"), "{text}");
+        assert!(matches!(open("empty.mp4", decoder), Err(VideoError::Empty { .. })));
+        assert!(matches!(open("none.mp4", decoder), Err(VideoError::File { .. })));
+        assert!(matches!(open("sound.mkv", decoder), Err(VideoError::NoPictures { .. })));
+    }
+}
+
+fn choose(making: &Making, videos: &[&str], options: &ChoiceOptions) -> (Record, Vec<String>) {
+    let videos: Vec<_> = videos.iter().map(|name| making.path(name)).collect();
+    let mut notes = Vec::new();
+    let chosen = frames_for_mapping(&videos, &making.path("frames"), options, &mut |progress| {
+        if let Progress::Note(note) = progress {
+            notes.push(note);
+        }
+    });
+    (chosen.unwrap(), notes)
+}
+
+/// Where the pan's camera is in a frame, in widths of the picture.
+fn along(index: usize) -> f64 {
+    PAN * index as f64
+}
+
+#[test]
+fn frames_of_a_pan_overlap_as_wanted() {
+    let making = Making::new();
+    making.video("pan.mp4", (0..60).map(|i| pan(i, 0)), 10.0);
+    for decoder in decoders() {
+        let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
+        let (record, notes) = choose(&making, &["pan.mp4"], &options);
+        assert!(notes.is_empty() && record.finished, "{notes:?}");
+        let count = record.frames.len();
+        assert!((4..=8).contains(&count), "{decoder:?}: {count}");
+        for pair in record.frames.windows(2) {
+            let expected = 1.0 - (along(pair[1].index) - along(pair[0].index));
+            let found = pair[1].overlap.unwrap();
+            assert!((found - expected).abs() < 0.05, "{decoder:?}: {found} for {expected}");
+            assert!((0.55..0.9).contains(&expected), "{expected}");
+            assert!((pair[1].time - 0.1 * pair[1].index as f64).abs() < 0.0011);
+        }
+        for frame in &record.frames {
+            let picture = image::open(making.path("frames").join(&frame.file)).unwrap().to_rgb8();
+            assert_eq!(picture.dimensions(), making::SIZE);
+            let drawn = pan(frame.index as u32, 0);
+            let off: u64 = std::iter::zip(picture.as_raw(), drawn.as_raw())
+                .map(|(a, b)| u64::from(a.abs_diff(*b)))
+                .sum();
+            let off = off as f64 / drawn.as_raw().len() as f64;
+            assert!(off < 6.0, "{decoder:?} {}: {off}", frame.file);
+        }
+    }
+}
+
+#[test]
+fn a_folder_of_frames_is_kept_until_something_changes() {
+    let making = Making::new();
+    making.video("pan.mp4", (0..40).map(|i| pan(i, 0)), 10.0);
+    making.video("other pan.mp4", (40..60).map(|i| pan(i, 0)), 10.0);
+    let both = ["pan.mp4", "other pan.mp4"];
+    let options = ChoiceOptions::default();
+    let (first, _) = choose(&making, &both, &options);
+    let names: Vec<_> = first.frames.iter().map(|frame| frame.file.clone()).collect();
+    assert!(names.is_sorted() && names[0].starts_with("01-pan/"), "{names:?}");
+    assert!(names.last().unwrap().starts_with("02-other_pan/"), "{names:?}");
+    let marked = making.path("frames").join(&names[0]);
+    std::fs::write(&marked, "marked").unwrap();
+    assert_eq!(choose(&making, &both, &options).0, first);
+    assert_eq!(std::fs::read(&marked).unwrap(), b"marked", "it was written again");
+    // A picture is gone; the run before was cut off; other options.
+    let record = making.path("frames/frames.json");
+    let unfinished = std::fs::read_to_string(&record)
+        .unwrap()
+        .replace("\"finished\": true", "\"finished\": false");
+    std::fs::remove_file(&marked).unwrap();
+    assert_eq!(choose(&making, &both, &options).0, first);
+    assert!(marked.is_file());
+    std::fs::write(&marked, "marked").unwrap();
+    std::fs::write(&record, unfinished).unwrap();
+    assert_eq!(choose(&making, &both, &options).0, first);
+    assert_ne!(std::fs::read(&marked).unwrap(), b"marked");
+    let (few, _) = choose(&making, &both, &ChoiceOptions { most: Some(3), ..options });
+    assert!((2..=3).contains(&few.frames.len()), "{few:?}");
+    let left = std::fs::read_dir(making.path("frames/01-pan")).unwrap().count();
+    assert!(left < 3, "{left} pictures of runs before");
+    // Somebody else's folder.
+    std::fs::create_dir(making.path("mine")).unwrap();
+    making.write("mine/notes.txt", b"mine");
+    let error =
+        frames_for_mapping(&[making.path("pan.mp4")], &making.path("mine"), &options, &mut |_| {});
+    assert!(matches!(error, Err(VideoError::Foreign { .. })), "{error:?}");
+}
+
+#[test]
+fn cuts_blur_and_ends_before_the_end_are_said() {
+    let making = Making::new();
+    // Two places, one after the other.
+    let cut = (0..20).map(|i| pan(i, 0)).chain((0..20).map(|i| pan(i, 1)));
+    making.video("cut.mp4", cut, 10.0);
+    making.video("blurred.mp4", (0..40).map(|i| making::blurred(&pan(i, 0), 4.0)), 10.0);
+    making.video("whole.mkv", (0..60).map(|i| pan(i, 0)), 10.0);
+    let whole = std::fs::read(making.path("whole.mkv")).unwrap();
+    making.write("short.mkv", &whole[..whole.len() * 6 / 10]);
+    for decoder in decoders() {
+        let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
+        let said = |video: &str| {
+            let (record, notes) = choose(&making, &[video], &options);
+            (record, notes.join("\n"))
+        };
+        let (_, notes) = said("cut.mp4");
+        assert!(notes.contains("breaks between 1.90 s and 2.0"), "{decoder:?}: {notes}");
+        let (_, notes) = said("blurred.mp4");
+        assert!(notes.contains("hardly any frame is sharp"), "{decoder:?}: {notes}");
+        let (record, notes) = said("short.mkv");
+        assert!(notes.contains("cut off"), "{decoder:?}: {notes}");
+        let last = record.videos[0].last;
+        assert!((2.0..5.0).contains(&last) && record.frames.len() > 1, "{decoder:?}: {last}");
+    }
+}
