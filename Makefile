@@ -6,10 +6,10 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test \
-	c-test-memory lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test \
-	first-dive licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check shader-toolchain gpu-check \
-	device-report clean paper-test setup-test
+.PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
+	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
+	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check shader- \
+	toolchain gpu-check device-report clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"

@@ -62,6 +62,9 @@ look() {
             video
             program ffmpeg
             ;;
+        video) # A program that reads and writes videos.
+            video
+            ;;
         browser) # For the console's page.
             program chromium
             ;;

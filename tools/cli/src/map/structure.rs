@@ -28,9 +28,9 @@ pub struct StructureArgs {
     /// not done again
     #[arg(value_name = "PICTURES", id = "unposed")]
     unposed: Vec<PathBuf>,
-    /// What finds the poses: `colmap` (on the PATH), `pycolmap` (a Python package; it is installed into a folder of its own
-    /// if it is not there), a program (another COLMAP, or a Python with pycolmap), or `auto`: COLMAP 4, else pycolmap,
-    /// else an older COLMAP [default: auto]
+    /// What finds the poses: `colmap` (on the PATH), `pycolmap` (a Python package; it is installed into a folder of its
+    /// own if it is not there), a program (another COLMAP, or a Python with pycolmap), or `auto`: COLMAP 4, else
+    /// pycolmap, else an older COLMAP [default: auto]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras", value_parser = finder)]
     poses: Option<Finder>,
     /// COLMAP's camera model [default: RADIAL]
@@ -44,13 +44,13 @@ pub struct StructureArgs {
     /// Which pictures share intrinsics [default: one, that is, all]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     lenses: Option<LensesArg>,
-    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: these, and
-    /// those that show the same place [default: auto]
+    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: these,
+    /// and those that show the same place [default: auto]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     matching: Option<MatchingArg>,
-    /// What the vehicle states of its course, a CSV with the columns `file` or `time` (of the video, seconds), and some of
-    /// `north`, `east`, `depth` (metres), `heading`, `pitch`, `roll` (degrees): the prior's unit becomes a metre, and its
-    /// axes north, east, down
+    /// What the vehicle states of its course, a CSV with the columns `file` or `time` (of the video, seconds), and some
+    /// of `north`, `east`, `depth` (metres), `heading`, `pitch`, `roll` (degrees): the prior's unit becomes a metre,
+    /// and its axes north, east, down
     #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     navigation: Option<PathBuf>,
     /// How far the camera looks up if the vehicle is level, degrees; below zero: down

@@ -42,7 +42,8 @@ struct Pair {
 }
 
 /// Brings poses and points to what is stated of the pictures. World axes become north, east, down, in metres from
-/// [`Alignment::origin`], as far as that is stated. `tilt`: how far the camera looks up if the vehicle is level, radians.
+/// [`Alignment::origin`], as far as that is stated. `tilt`: how far the camera looks up if the vehicle is level,
+/// radians.
 pub fn align(
     posed: &mut PosedPictures,
     stated: &[Option<Stated>],

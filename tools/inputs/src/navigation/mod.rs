@@ -69,8 +69,8 @@ pub enum NavigationError {
     )]
     Few { path: PathBuf, count: usize },
     #[error(
-        "{}: neither places that lie apart, nor depths and attitudes that differ: nothing says how large the scene is, or \
-         which way is up",
+        "{}: neither places that lie apart, nor depths and attitudes that differ: nothing says how large the scene is, \
+         or which way is up",
         path.display()
     )]
     Nothing { path: PathBuf },
