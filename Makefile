@@ -8,8 +8,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
-	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check shader- \
-	toolchain gpu-check device-report clean paper-test setup-test
+	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check \
+	shader-toolchain gpu-check device-report clean paper-test setup-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -77,12 +77,12 @@ demo-prior:
 
 # What a survey team does with its own video, on one that the program draws.
 first-dive:
-	@scripts/setup.sh run video
+	@scripts/setup.sh run video poses
 	cargo build --release --bin nvsprior
 	scripts/first-dive.sh target/first-dive
 
 poses-test:
-	@scripts/setup.sh run
+	@scripts/setup.sh run poses
 	cargo test -p nvsprior-cli --test cli -- --ignored --nocapture pycolmap_finds
 
 # How bytes grow with the age of the site: docs/mapping.md. Half an hour.

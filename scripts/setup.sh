@@ -65,6 +65,9 @@ look() {
         video) # A program that reads and writes videos.
             video
             ;;
+        poses) # pycolmap is installed into an environment of Python.
+            python_venv
+            ;;
         browser) # For the console's page.
             program chromium
             ;;
