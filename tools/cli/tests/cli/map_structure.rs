@@ -33,6 +33,7 @@ echo "  Name: 0.png"
 if [ -f ../wait-$1 ]; then echo $$ > ../pid; exec sleep 100; fi
 if [ -f ../fail-$1 ]; then echo "E0101 something broke" >&2; exit 3; fi
 case "$1" in
+  bundle_adjuster) cp sparse/1/* freed/;;
   feature_extractor) cat pictures.txt > database.db;;
   global_mapper | mapper)
     [ -f ../nothing ] && exit 1
@@ -174,7 +175,10 @@ fn what_changes_is_done_again_with_all_that_follows() {
     assert!(made[2].contains("--GlobalMapper.ba_refine_focal_length 0"), "{made:?}");
     std::fs::remove_file(dive.path("images/3.png")).unwrap();
     run(&dive, &other).ends_with(0).says("poses of 3 of 3 pictures");
-    assert_eq!(commands(&dive), ["feature_extractor", "matches_importer", "global_mapper"]);
+    let made = commands(&dive);
+    assert_eq!(made[..3], ["feature_extractor", "matches_importer", "global_mapper"]);
+    // Whether the stated lens fits.
+    assert_eq!(made[3..], ["bundle_adjuster"]);
 }
 
 #[test]

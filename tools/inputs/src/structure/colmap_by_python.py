@@ -15,6 +15,7 @@ MATCHING = pycolmap.FeatureMatchingOptions()
 PAIRS = pycolmap.ImportedPairingOptions()
 GEOMETRY = pycolmap.TwoViewGeometryOptions()
 GLOBAL = pycolmap.GlobalPipelineOptions()
+BUNDLE = pycolmap.BundleAdjustmentOptions()
 INCREMENTAL = pycolmap.IncrementalPipelineOptions()
 
 # What the words before an option's dot stand for.
@@ -37,9 +38,10 @@ GROUPS = {
         "GlobalMapper ba": GLOBAL.mapper.bundle_adjustment,
         "GlobalMapper ba_ceres": GLOBAL.mapper.bundle_adjustment.ceres.solver_options,
     },
+    "bundle_adjuster": {"BundleAdjustment": BUNDLE},
     "mapper": {"Mapper": INCREMENTAL, "Mapper inner": INCREMENTAL.mapper},
 }
-PATHS = {"database_path", "image_path", "image_list_path", "match_list_path", "match_type", "output_path", "type"}
+PATHS = {"database_path", "image_path", "image_list_path", "input_path", "match_list_path", "match_type", "output_path", "type"}
 SHARED = {"single_camera": "SINGLE", "single_camera_per_folder": "PER_FOLDER", "single_camera_per_image": "PER_IMAGE"}
 
 
@@ -86,6 +88,11 @@ def parse(command, words):
 
 def run(command, words):
     paths, camera_mode = parse(command, words)
+    if command == "bundle_adjuster":
+        model = pycolmap.Reconstruction(paths["input_path"])
+        pycolmap.bundle_adjustment(model, BUNDLE)
+        model.write(paths["output_path"])
+        return
     database = paths["database_path"]
     if command == "feature_extractor":
         with open(paths["image_list_path"], encoding="utf-8") as file:

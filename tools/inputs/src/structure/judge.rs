@@ -4,6 +4,7 @@ use glam::DVec3;
 use nvsprior::geometry::Distortion;
 
 use super::DEPTH;
+use crate::colmap::ColmapModel;
 use crate::navigation::Alignment;
 use crate::posed::PosedPictures;
 
@@ -25,6 +26,10 @@ const SPAN: f64 = 0.1;
 /// How far poses may be off the stated places, of the course's width.
 const ELSEWHERE: f64 = 0.1;
 
+/// How far a stated focal length moves if it may, if it is wrong. A right one of the reef's pictures of 320×180 moves
+/// by 1 %.
+const STATED_LENS: f64 = 0.04;
+
 /// A reason to doubt the poses.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Doubtful {
@@ -34,10 +39,16 @@ pub enum Doubtful {
     )]
     Error { pixels: f64 },
     #[error(
-        "the lens that came out is none ({what}), so the poses are wrong as well: give pictures at full size, or the \
+        "the lens that came out is no real one ({what}), so the scene is warped: give pictures at full size, or the \
          calibrated lens with --camera-model and --camera-params"
     )]
     Lens { what: String },
+    #[error(
+        "the pictures fit better with a focal length of {found:.0} pixels, or one farther off, than with the {stated:.0} \
+         that were stated: was the lens calibrated in air, or at another size? Leave --camera-params out, or calibrate it \
+         in the water"
+    )]
+    StatedLens { stated: f64, found: f64 },
     #[error(
         "from {from} to {to} the camera jumps {times:.0} times as far as it usually goes: something is missing there, \
          or the scale changes; look at the held-out PSNR, or map the two parts by themselves"
@@ -74,6 +85,15 @@ pub fn doubtful(posed: &PosedPictures, size: u32, error: Option<f64>) -> Vec<Dou
     reasons.extend(jump(posed));
     reasons.extend(small_span(posed));
     reasons
+}
+
+/// Whether a stated lens does not fit. `freed`: the poses as they become if the focal length may change.
+pub fn stated_lens(posed: &PosedPictures, freed: &ColmapModel) -> Option<Doubtful> {
+    let input = posed.inputs.first()?;
+    let view = freed.views.iter().find(|view| view.name == input.name)?;
+    let [stated, found] = [&input.lens, &view.lens].map(|lens| lens.intrinsics().fx);
+    let off = (found / stated - 1.0).abs();
+    (off > STATED_LENS).then_some(Doubtful::StatedLens { stated, found })
 }
 
 /// Whether poses do not fit a stated course.
@@ -140,6 +160,7 @@ mod tests {
     use nvsprior::geometry::{Intrinsics, Lens};
 
     use super::*;
+    use crate::colmap::ColmapView;
     use crate::points::Point;
     use crate::posed::PosedInput;
 
@@ -192,5 +213,17 @@ mod tests {
         let jump = said(&run(&[0.0, 0.2, 0.4, 5.4, 5.6, 5.8], F, 0.0), 0.4);
         assert!(jump.contains("2.png to 3.png") && jump.contains("25 times"), "{jump}");
         assert!(said(&run(&[0.0, 0.01, 0.02], F, 0.0), 0.4).contains("span 0.005"));
+    }
+
+    #[test]
+    fn a_lens_that_was_calibrated_in_air_is_told() {
+        let posed = run(&STEADY, F, 0.0);
+        let freed = |f: f64| {
+            let PosedInput { name, pose, lens, .. } = input(0, 0.0, [f, f], 0.0);
+            ColmapModel { views: vec![ColmapView { name, pose, lens }], points: Vec::new() }
+        };
+        assert_eq!(stated_lens(&posed, &freed(560.0)), None);
+        let said = stated_lens(&posed, &freed(610.0)).unwrap().to_string();
+        assert!(said.contains("610") && said.contains("550"), "{said}");
     }
 }

@@ -251,9 +251,13 @@ pub fn find_poses(
     let found: HashSet<_> = posed.inputs.iter().map(|input| input.name.as_str()).collect();
     let missing = listed.names.iter().filter(|name| !found.contains(name.as_str()));
     let (missing, pictures) = (missing.cloned().collect(), listed.names.len());
+    let stated = options.camera_params.as_ref();
+    let freed = stated.map(|_| workplace.freed(&program, &model)).transpose()?;
+    let freed = freed.map(|folder| ColmapModel::open(&folder)).transpose()?;
     let (mut posed, scale) = unit::scaled(posed);
     let reprojection_error = judge::reprojection_error(&posed);
     let mut doubtful = judge::doubtful(&posed, options.size, reprojection_error);
+    doubtful.extend(freed.and_then(|freed| judge::stated_lens(&posed, &freed)));
     let navigation = options.navigation.as_ref();
     let alignment = navigation.map(|navigation| navigation.align(&mut posed)).transpose()?;
     doubtful.extend(alignment.as_ref().and_then(judge::elsewhere));

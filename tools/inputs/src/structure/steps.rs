@@ -4,6 +4,8 @@ use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::colmap::ColmapModel;
+
 use super::estimate::Estimate;
 use super::pictures::Listed;
 use super::program::{GLOBAL, Program, WorkFolder, mapped, registered, share};
@@ -18,6 +20,7 @@ const DATABASE: &str = "database.db";
 const LIST: &str = "pictures.txt";
 const SPARSE: &str = "sparse";
 const SPARSE_PART: &str = "sparse.part";
+const FREED: &str = "freed";
 
 /// The list of pairs that are compared at a time. Another way to choose them has another name.
 fn pairs_file(matching: Matching) -> &'static str {
@@ -133,6 +136,20 @@ impl Workplace {
         Ok((0..3).map(|step| self.record.seconds(step)).sum())
     }
 
+    /// The folder of the model as it becomes if the lens may change. One that was stated may be of another camera, or of
+    /// the same one in air.
+    pub fn freed(&self, program: &Program, model: &Path) -> Result<PathBuf, StructureError> {
+        let folder = self.folder.join(FREED);
+        if !ColmapModel::is_in(&folder) {
+            std::fs::create_dir_all(&folder).map_err(StructureError::file(&folder))?;
+            let model = model.to_string_lossy();
+            let arguments = ["bundle_adjuster", "--input_path", &model, "--output_path", FREED];
+            let free = ["--BundleAdjustment.refine_focal_length", "1"];
+            self.command(program, &words(&[&arguments[..], &free].concat()), |_| {})?;
+        }
+        Ok(folder)
+    }
+
     /// Reads all pictures, and says which pairs of them are to be compared.
     fn look(
         &self,
@@ -212,8 +229,9 @@ impl Workplace {
         standing: Standing,
         program: &Program,
     ) -> Result<(), StructureError> {
-        self.remove(SPARSE)?;
-        self.remove(SPARSE_PART)?;
+        for folder in [SPARSE, SPARSE_PART, FREED] {
+            self.remove(folder)?;
+        }
         match (step, standing) {
             (Step::Features, _) => {
                 for ending in ["", "-journal", "-wal", "-shm"] {
