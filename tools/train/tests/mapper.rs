@@ -18,8 +18,13 @@ const STEPS: u32 = 1200;
 
 /// Pictures of a random prior, and points near its splats.
 fn scene(engine: &Engine) -> (Vec<PosedPicture>, Vec<ColouredPoint>) {
+    scene_of([72, 52], engine)
+}
+
+/// The same in pictures of some size.
+fn scene_of(size: [u32; 2], engine: &Engine) -> (Vec<PosedPicture>, Vec<ColouredPoint>) {
     let prior = common::random_prior(5, 300, 0);
-    let camera = common::camera(72, 52);
+    let camera = common::camera(size[0], size[1]);
     let uploaded = engine.upload(&prior).unwrap();
     let mut renderer = engine.renderer(&uploaded, &camera, Plan::picture()).unwrap();
     let view = |seed: u64| {
@@ -75,6 +80,36 @@ fn training_fits_the_pictures_and_is_the_same_again_also_if_interrupted() {
     rest.resume(&read_state(&saved, 7).unwrap()).unwrap();
     train(&mut rest, STEPS);
     assert!(rest.state().unwrap() == whole.state().unwrap(), "another result");
+    common::assert_silent(&engine);
+}
+
+#[test]
+fn pictures_that_grow_give_the_same_again_also_if_interrupted() {
+    const ALL: u32 = 500;
+    let engine = common::engine();
+    let (views, points) = scene_of([180, 160], &engine);
+    let options = MapOptions { exposure: true, ..options() };
+    let factor = |step: u32| options.schedule.factor(f64::from(step) / f64::from(ALL), [180, 160]);
+    // The first fit of the light, after step 96, falls between the two.
+    assert_eq!([0, 98, 110].map(factor), [2, 2, 1]);
+    let new = || Mapper::new(&engine, views.clone(), &points, &options).unwrap();
+    let train = |mapper: &mut Mapper, end: u32| {
+        while mapper.steps() < end {
+            mapper.step(f64::from(mapper.steps()) / f64::from(ALL)).unwrap();
+        }
+    };
+    let mut whole = new();
+    train(&mut whole, 150);
+    for interrupted in [98, 110] {
+        let mut half = new();
+        train(&mut half, interrupted);
+        let saved = half.state().unwrap();
+        drop(half);
+        let mut rest = new();
+        rest.resume(&saved).unwrap();
+        train(&mut rest, 150);
+        assert!(rest.state().unwrap() == whole.state().unwrap(), "interrupted at {interrupted}");
+    }
     common::assert_silent(&engine);
 }
 

@@ -8,6 +8,7 @@ use nvsprior_lab::bench::{median, plot_training};
 use nvsprior_lab::report::{Table, fixed, write_json};
 use nvsprior_train::mapper::Mapper;
 use serde_json::json;
+use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 use super::inputs::HeldOut;
 use crate::sheet::{self, SheetRow};
@@ -21,6 +22,8 @@ const FAR_BELOW: f64 = 3.0;
 struct Point {
     step: u32,
     seconds: f64,
+    /// CPU time of the program until then, which other work on the machine changes less.
+    cpu_seconds: Option<f64>,
     splats: u32,
     /// PSNR of each held-out picture, dB.
     psnr: Vec<f64>,
@@ -63,6 +66,15 @@ fn mean(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
     (count > 0).then(|| values.sum::<f64>() / count as f64)
 }
 
+/// CPU time of this program, all threads, if the system tells.
+fn cpu_seconds() -> Option<f64> {
+    let own = sysinfo::get_current_pid().ok()?;
+    let mut system = System::new().ok()?;
+    let cpu = ProcessRefreshKind::nothing().with_cpu();
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), false, cpu);
+    system.process(own).map(|process| process.accumulated_cpu_time() as f64 / 1e3)
+}
+
 impl Report {
     /// Into a folder, if there is one.
     pub fn new(folder: Option<&Path>, held_out: Vec<HeldOut>) -> Report {
@@ -97,7 +109,8 @@ impl Report {
             psnr.push(view.psnr(&mapper.picture(&view.camera, &view.pose)?));
         }
         let (step, splats) = (mapper.steps(), mapper.alive());
-        let point = Point { step, seconds: elapsed.as_secs_f64(), splats, psnr };
+        let (seconds, cpu_seconds) = (elapsed.as_secs_f64(), cpu_seconds());
+        let point = Point { step, seconds, cpu_seconds, splats, psnr };
         let splits = self.by_split(&point);
         let shown: Vec<_> =
             splits.iter().map(|(split, psnr)| format!("{split} {psnr:.2} dB")).collect();
@@ -127,15 +140,17 @@ impl Report {
     }
 
     fn write_curve(&self, folder: &Path) -> anyhow::Result<()> {
-        let mut table = Table::new(["step", "seconds", "splats", "split", "psnr_db"]);
+        let mut table =
+            Table::new(["step", "seconds", "cpu_seconds", "splats", "split", "psnr_db"]);
         let mut curves: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
         for point in &self.points {
             for (split, psnr) in self.by_split(point) {
-                let Point { step, seconds, splats, .. } = point;
+                let Point { step, seconds, cpu_seconds, splats, .. } = point;
                 let (seconds_text, psnr_text) = (fixed(*seconds, 3), fixed(psnr, 4));
                 table.push([
                     &step.to_string(),
                     &seconds_text,
+                    &cpu_seconds.map_or(String::new(), |seconds| fixed(seconds, 3)),
                     &splats.to_string(),
                     &split,
                     &psnr_text,
@@ -227,6 +242,7 @@ impl Report {
             "held_out_psnr_by_split": splits,
             "iterations": mapper.steps(),
             "seconds": last.map(|point| point.seconds),
+            "cpu_seconds": last.and_then(|point| point.cpu_seconds),
             "seconds_per_iteration": median,
             "seconds_per_forward_render": forward,
             "iteration_in_forward_renders": median.map(|seconds| seconds / forward),

@@ -17,7 +17,8 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     let report = dive.json("report/report.json");
     assert_eq!(report["iterations"], 60);
     assert_eq!(report["pictures"][0]["name"], "images/3.png");
-    for key in ["held_out_psnr", "seconds", "iteration_in_forward_renders", "splats"] {
+    for key in ["held_out_psnr", "seconds", "cpu_seconds", "iteration_in_forward_renders", "splats"]
+    {
         assert!(report[key].as_f64().is_some_and(|v| v > 0.0), "{key} of {report}");
     }
     for file in ["curve.csv", "curve.svg", "preview.png"] {

@@ -48,9 +48,9 @@ impl Default for Schedule {
     fn default() -> Schedule {
         Schedule {
             position: 3e-4,
-            position_end: 0.01,
-            others_end: 0.2,
-            others_until: 0.6,
+            position_end: 0.03,
+            others_end: 0.1,
+            others_until: 0.75,
             log_scale: 1e-2,
             rotation: 3e-3,
             opacity: 5e-2,
@@ -65,8 +65,8 @@ impl Default for Schedule {
             relocate_from: 500,
             relocate_every: 100,
             growth: 0.12,
-            relocate_until: 0.8,
-            reduced_until: 0.4,
+            relocate_until: 0.9,
+            reduced_until: 0.2,
         }
     }
 }
@@ -104,6 +104,7 @@ impl Schedule {
             relocate_from: 0,
             relocate_every: 50,
             growth: 0.02,
+            relocate_until: 0.8,
             reduced_until: 0.0,
             ..new
         }
