@@ -11,8 +11,8 @@ use super::decoder::{Decoder, file_uri, protocol};
 
 /// Between two looks at whether it fails.
 const LOOK: Duration = Duration::from_millis(500);
-/// How long a probe may take.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// How long a try may take.
+const PATIENCE: Duration = Duration::from_secs(6);
 
 /// What a video's file says of itself; not more than the decoder's programs find out.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,7 +40,7 @@ fn ffprobe(video: &Path) -> Option<Probe> {
         format=duration:stream=codec_type,codec_name,codec_tag_string,duration:stream_disposition=attached_pic";
     let mut arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
     arguments.push(protocol(video));
-    let text = said_by("ffprobe", &arguments, |_| false);
+    let (text, _) = said_by("ffprobe", &arguments, |_| false);
     parse_ffprobe(&text)
 }
 
@@ -69,16 +69,33 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
     })
 }
 
-/// GStreamer's command-line program tells lengths only while it plays, so it plays a moment.
+/// GStreamer's command-line program tells lengths only while it plays, so it plays a moment. Now and then it hangs, or
+/// misses to tell a track's kind; then it is asked again.
 fn gstreamer(video: &Path) -> Probe {
+    const TIMES: usize = 4;
+    let mut probe = Probe::default();
+    for _ in 0..TIMES {
+        let (found, ended) = gstreamer_once(video);
+        probe = found;
+        // What it cannot read it will not read next time.
+        if probe.has_video.is_some() || (ended && probe.duration.is_none()) {
+            break;
+        }
+    }
+    probe
+}
+
+/// What it tells, and whether it ended or was ended in time.
+fn gstreamer_once(video: &Path) -> (Probe, bool) {
     let words = format!(
         "-v --force-position urisourcebin uri={} ! parsebin ! fakesink sync=true",
         file_uri(video)
     );
     let arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
-    parse_gstreamer(&said_by(Decoder::Gstreamer.program(), &arguments, |text| {
+    let (text, ended) = said_by(Decoder::Gstreamer.program(), &arguments, |text| {
         text.lines().any(|line| position(line).is_some())
-    }))
+    });
+    (parse_gstreamer(&text), ended)
 }
 
 fn parse_gstreamer(text: &str) -> Probe {
@@ -118,10 +135,11 @@ fn position(line: &str) -> Option<f64> {
     (seconds.is_finite() && seconds > 0.0).then_some(seconds)
 }
 
-/// What a program says on standard output until it ends, or `enough` has been said, or patience ends.
-fn said_by(program: &str, arguments: &[OsString], enough: impl Fn(&str) -> bool) -> String {
+/// What a program says on standard output until it ends or fails, or `enough` has been said; and whether that was
+/// before patience ended.
+fn said_by(program: &str, arguments: &[OsString], enough: impl Fn(&str) -> bool) -> (String, bool) {
     let Ok((mut running, mut output)) = Running::start(program, arguments) else {
-        return String::new();
+        return (String::new(), true);
     };
     let (sender, pieces) = channel();
     let reader = std::thread::spawn(move || {
@@ -133,21 +151,20 @@ fn said_by(program: &str, arguments: &[OsString], enough: impl Fn(&str) -> bool)
         }
     });
     let (mut said, end) = (Vec::new(), Instant::now() + PATIENCE);
-    while Instant::now() < end {
+    let mut ended = false;
+    while !ended && Instant::now() < end {
         match pieces.recv_timeout(LOOK) {
             Ok(piece) => said.extend(piece),
             Err(RecvTimeoutError::Timeout) if !running.is_failing() => {}
-            Err(_) => break,
+            Err(_) => ended = true,
         }
-        if enough(&String::from_utf8_lossy(&said).replace('\r', "\n")) {
-            break;
-        }
+        ended |= enough(&String::from_utf8_lossy(&said).replace('\r', "\n"));
     }
     running.kill();
     drop(pieces);
     // It ends with the pipe.
     let _ = reader.join();
-    String::from_utf8_lossy(&said).into_owned()
+    (String::from_utf8_lossy(&said).into_owned(), ended)
 }
 
 #[cfg(test)]

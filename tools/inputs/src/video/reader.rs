@@ -14,9 +14,13 @@ use super::matroska::{Header, Matroska};
 
 /// Frames that wait between the program and this one.
 const WAITING: usize = 4;
-/// A decoder that gives nothing for so long is said to be slow, and after some such times it is ended.
+/// A decoder that gives nothing for so long is said to be slow, and is ended in the end.
 const PATIENCE: Duration = Duration::from_secs(30);
-const TIMES: u64 = 4;
+const LONGEST: Duration = Duration::from_secs(120);
+/// How long the first frame may take, in tries one after the other: GStreamer's program hangs now and then if it cannot
+/// read a file, and does not say that it failed.
+const FIRST: [Duration; 3] =
+    [Duration::from_secs(10), Duration::from_secs(20), Duration::from_secs(60)];
 /// Between two looks at how a program is that gives nothing.
 const LOOK: Duration = Duration::from_millis(500);
 /// How long a program may take to end after it said that it failed.
@@ -57,6 +61,22 @@ impl VideoReader {
         decoder: Decoder,
         size: FrameSize,
     ) -> Result<VideoReader, VideoError> {
+        let mut last = Err(VideoError::NoDecoder);
+        for patience in FIRST {
+            last = VideoReader::try_start(path, decoder, size, patience);
+            if !matches!(last, Err(VideoError::Hangs { .. })) {
+                break;
+            }
+        }
+        last
+    }
+
+    fn try_start(
+        path: &Path,
+        decoder: Decoder,
+        size: FrameSize,
+        patience: Duration,
+    ) -> Result<VideoReader, VideoError> {
         let arguments = decoder.arguments(path, size);
         let program = decoder.program();
         let started = Running::start(program, &arguments);
@@ -73,7 +93,7 @@ impl VideoReader {
         let path = path.to_path_buf();
         let mut reader =
             VideoReader { path, decoder, command, messages, running, header, ended: None };
-        match reader.message()? {
+        match reader.message(patience)? {
             Some(Message::Header(header)) => reader.header = header,
             first => return Err(reader.no_frame(first)),
         }
@@ -109,7 +129,7 @@ impl VideoReader {
         if self.ended.is_some() {
             return Ok(None);
         }
-        let broken = match self.message()? {
+        let broken = match self.message(LONGEST)? {
             Some(Message::Frame(frame)) => return Ok(Some(frame)),
             Some(Message::Broken(error)) => Some(error),
             Some(Message::Header(_)) | None => None,
@@ -126,7 +146,7 @@ impl VideoReader {
     }
 
     /// Waits for a message. A decoder that has failed and does not end is ended soon, one that hangs is in the end.
-    fn message(&mut self) -> Result<Option<Message>, VideoError> {
+    fn message(&mut self, longest: Duration) -> Result<Option<Message>, VideoError> {
         let since = Instant::now();
         let mut said = 0;
         loop {
@@ -146,7 +166,7 @@ impl VideoReader {
                 let seconds = waited.as_secs();
                 eprintln!("{}: no frame from {program} for {seconds} s", self.path.display());
             }
-            if times >= TIMES {
+            if waited >= longest {
                 self.running.kill();
                 let (path, seconds) = (self.path.clone(), waited.as_secs());
                 return Err(VideoError::Hangs { path, program, seconds });
