@@ -142,6 +142,10 @@ fn cut_off(video: &Video, reader: &VideoReader, last: Option<&Facts>) -> Vec<Str
     let last = last.map_or(0.0, |facts| facts.time);
     let name = video.name();
     match (reader.ended(), video.duration) {
+        // GStreamer's words for frames that do not fit into the stream any more.
+        (Some(Ended::CutOff(said)), _) if said.contains("Could not multiplex") => vec![format!(
+            "{name}: its pictures change their size after {last:.1} s; what was read is used; --decoder ffmpeg reads on"
+        )],
         (Some(Ended::CutOff(said)), _) => vec![format!(
             "{name}: is cut off or damaged after {last:.1} s; what was read is used ({said})"
         )],
