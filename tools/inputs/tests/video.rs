@@ -227,6 +227,7 @@ fn cuts_blur_and_ends_before_the_end_are_said() {
     making.video("whole.mkv", (0..60).map(|i| pan(i, 0)), 10.0);
     let whole = std::fs::read(making.path("whole.mkv")).unwrap();
     making.write("short.mkv", &whole[..whole.len() * 6 / 10]);
+    making.resized("sizes.mkv", &making.video("pan.mp4", (0..30).map(|i| pan(i, 0)), 10.0));
     for decoder in decoders() {
         let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
         let said = |video: &str| {
@@ -237,6 +238,15 @@ fn cuts_blur_and_ends_before_the_end_are_said() {
         assert!(notes.contains("breaks between 1.90 s and 2.0"), "{decoder:?}: {notes}");
         let (_, notes) = said("blurred.mp4");
         assert!(notes.contains("hardly any frame is sharp"), "{decoder:?}: {notes}");
+        let (record, notes) = said("sizes.mkv");
+        match decoder {
+            Decoder::Gstreamer => {
+                assert!(notes.contains("change their size after 2.9 s"), "{notes}")
+            }
+            Decoder::Ffmpeg => {
+                assert_eq!((record.videos[0].frames, record.videos[0].width), (60, 640))
+            }
+        }
         let (record, notes) = said("short.mkv");
         assert!(notes.contains("cut off"), "{decoder:?}: {notes}");
         let last = record.videos[0].last;

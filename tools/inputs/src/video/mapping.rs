@@ -66,7 +66,7 @@ impl Step {
 
 type Watch<'a> = &'a mut dyn FnMut(Progress);
 
-/// JPEG's quality: a video's coder has left less than what this takes away, and PNG takes several times the disk.
+/// JPEG's quality: it takes away less than the video's coder has, and PNG takes several times the disk.
 const QUALITY: u8 = 95;
 /// What is said of a video whose frames have little detail.
 const BLURRED: &str = "hardly any frame is sharp, so the map may fail or be blurred; record with more light or a \
@@ -142,6 +142,10 @@ fn cut_off(video: &Video, reader: &VideoReader, last: Option<&Facts>) -> Vec<Str
     let last = last.map_or(0.0, |facts| facts.time);
     let name = video.name();
     match (reader.ended(), video.duration) {
+        // GStreamer's words for frames that do not fit into the stream any more.
+        (Some(Ended::CutOff(said)), _) if said.contains("Could not multiplex") => vec![format!(
+            "{name}: its pictures change their size after {last:.1} s; what was read is used; --decoder ffmpeg reads on"
+        )],
         (Some(Ended::CutOff(said)), _) => vec![format!(
             "{name}: is cut off or damaged after {last:.1} s; what was read is used ({said})"
         )],
@@ -190,6 +194,13 @@ fn write(
     folder.begin(Record { finished: false, asked, videos: records, frames: Vec::new() })?;
     for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
         let frames = write_video(folder, (number, video), found, &selections[number], watch)?;
+        let missing = selections[number].choices.len() - frames.len();
+        if missing > 0 {
+            let name = video.name();
+            let note = format!("{name}: {missing} chosen frames at its end cannot be read again");
+            watch(Progress::Note(note.clone()));
+            folder.record.videos[number].notes.push(note);
+        }
         folder.record.frames.extend(frames);
     }
     folder.record.finished = true;
@@ -239,7 +250,7 @@ fn write_video(
     let mut frames = Vec::new();
     for choice in &selection.choices {
         let facts = &found.facts[choice.at];
-        let Some(frame) = at(&mut reader, facts.index)? else { break };
+        let Some(frame) = at(&mut reader, facts.time)? else { break };
         let file = format!("{}/{:06}.jpg", folder.record.videos[number].folder, facts.index);
         let picture = rgb(&mut converter, &frame).map_err(unreadable)?;
         write_jpeg(&folder.path.join(&file), &picture)?;
@@ -257,10 +268,12 @@ fn write_video(
     Ok(frames)
 }
 
-/// Reads on to a frame.
-fn at(reader: &mut VideoReader, index: usize) -> Result<Option<VideoFrame>, VideoError> {
+/// Reads on to the frame of a time. Of a damaged video a decoder may give other frames than before.
+fn at(reader: &mut VideoReader, time: f64) -> Result<Option<VideoFrame>, VideoError> {
+    /// Times are rounded to microseconds.
+    const CLOSE: f64 = 2e-6;
     while let Some(frame) = reader.next_frame()? {
-        if frame.index >= index {
+        if frame.time >= time - CLOSE {
             return Ok(Some(frame));
         }
     }

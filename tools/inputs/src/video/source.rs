@@ -35,9 +35,13 @@ impl Video {
             return Err(VideoError::Empty { path });
         }
         let mut said = Vec::new();
+        let only = decoders.len() == 1;
         for decoder in decoders {
             match Video::by(&path, decoder) {
                 Err(VideoError::NoFrame { said: own, .. }) => said.push(own),
+                Err(VideoError::Hangs { program, .. }) if !only => {
+                    said.push(format!("{program} hangs"));
+                }
                 other => return other,
             }
         }

@@ -71,6 +71,19 @@ impl Making {
         path
     }
 
+    /// The video, then the same at half the size, in one stream.
+    pub fn resized(&self, name: &str, video: &Path) {
+        let [whole, half, list] = ["1.mkv", "2.mkv", "list.txt"].map(|file| self.path(file));
+        for (scale, file) in [("scale=iw:ih", &whole), ("scale=iw/2:ih/2", &half)] {
+            let how = ["-i", text(video), "-vf", scale, "-c:v", "libvpx", "-b:v", "4M"];
+            self.run("ffmpeg", &[&["-v", "error", "-y"][..], &how, &[text(file)]].concat());
+        }
+        self.write("list.txt", b"file 1.mkv\nfile 2.mkv\n");
+        let path = self.path(name);
+        let how = ["-f", "concat", "-i", text(&list), "-c", "copy", text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y"][..], &how].concat());
+    }
+
     /// Five frames of 51 × 37 pixels, each twice as wide as high, without subsampled colours.
     pub fn odd(&self, name: &str) -> Option<PathBuf> {
         let path = self.path(name);
