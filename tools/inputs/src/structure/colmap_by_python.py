@@ -41,7 +41,16 @@ GROUPS = {
     "bundle_adjuster": {"BundleAdjustment": BUNDLE},
     "mapper": {"Mapper": INCREMENTAL, "Mapper inner": INCREMENTAL.mapper},
 }
-PATHS = {"database_path", "image_path", "image_list_path", "input_path", "match_list_path", "match_type", "output_path", "type"}
+PATHS = {
+    "database_path",
+    "image_path",
+    "image_list_path",
+    "input_path",
+    "match_list_path",
+    "match_type",
+    "output_path",
+    "type",
+}
 SHARED = {"single_camera": "SINGLE", "single_camera_per_folder": "PER_FOLDER", "single_camera_per_image": "PER_IMAGE"}
 
 

@@ -44,9 +44,9 @@ pub enum Doubtful {
     )]
     Lens { what: String },
     #[error(
-        "the pictures fit better with a focal length of {found:.0} pixels, or one farther off, than with the {stated:.0} \
-         that were stated: was the lens calibrated in air, or at another size? Leave --camera-params out, or calibrate it \
-         in the water"
+        "the pictures fit better with a focal length of {found:.0} pixels, or one farther off, than with the \
+         {stated:.0} that were stated: was the lens calibrated in air, or at another size? Leave --camera-params \
+         out, or calibrate it in the water"
     )]
     StatedLens { stated: f64, found: f64 },
     #[error(

@@ -136,8 +136,8 @@ impl Workplace {
         Ok((0..3).map(|step| self.record.seconds(step)).sum())
     }
 
-    /// The folder of the model as it becomes if the lens may change. One that was stated may be of another camera, or of
-    /// the same one in air.
+    /// The folder of the model as it becomes if the lens may change. One that was stated may be of another camera, or
+    /// of the same one in air.
     pub fn freed(&self, program: &Program, model: &Path) -> Result<PathBuf, StructureError> {
         let folder = self.folder.join(FREED);
         if !ColmapModel::is_in(&folder) {

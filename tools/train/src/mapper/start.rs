@@ -24,6 +24,8 @@ pub struct ColouredPoint {
 const SPREAD: f32 = 0.5;
 /// Share of random points among the first ones if there are no points.
 const RANDOM_SHARE: f64 = 0.5;
+/// Share of the splats that there are at first, if there are fewer points: others are put between these.
+const LEAST_SHARE: f64 = 0.25;
 /// Depth of the nearest random points, in extents of the scene.
 const NEAREST: f64 = 0.3;
 /// Depth of the farthest ones, in depths of the nearest.
@@ -48,6 +50,8 @@ pub fn start(
         points
     };
     let chosen = choose(points, n, centre, &mut random);
+    let least = (n as f64 * LEAST_SHARE) as usize;
+    let chosen = denser(chosen, least, &mut random);
     let spreads = spreads(&chosen);
     let mut numbers = vec![0.0; n * planes(options.sh_degree) as usize];
     let mut planes = Planes { numbers: &mut numbers, splats: n };
@@ -96,6 +100,37 @@ fn choose(
     all.truncate(max);
     all
 }
+
+/// At least so many points: those that are missing lie between a point and one of its three nearest neighbours.
+fn denser(mut points: Vec<ColouredPoint>, least: usize, random: &mut Random) -> Vec<ColouredPoint> {
+    let count = points.len();
+    let missing = least.saturating_sub(count);
+    if count < 4 || missing == 0 {
+        return points;
+    }
+    let neighbours: Vec<_> = {
+        let grid = Grid::new(&points);
+        (0..count).into_par_iter().map(|i| grid.nearest(i)).collect()
+    };
+    for _ in 0..missing {
+        let from = (random.bits() % count as u64) as usize;
+        let (_, to) = neighbours[from][(random.bits() % NEIGHBOURS as u64) as usize];
+        let share = random.within(0.0, 1.0);
+        // A point without neighbours nearby stays alone.
+        let Some(to) = to.map(|to| points[to as usize]) else { continue };
+        let from = points[from];
+        let between =
+            |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|k| a[k] + share * (b[k] - a[k]));
+        points.push(ColouredPoint {
+            position: between(from.position, to.position),
+            rgb: between(from.rgb, to.rgb),
+        });
+    }
+    points
+}
+
+/// Neighbours by which a point's spread is measured.
+const NEIGHBOURS: usize = 3;
 
 /// Mean distance of each point to its three nearest neighbours.
 fn spreads(points: &[ColouredPoint]) -> Vec<f32> {
@@ -154,27 +189,33 @@ impl Grid<'_> {
         &self.order[first..first + count]
     }
 
-    /// Mean distance to the three nearest within some cubes; a cube's side if there are none.
-    fn spread(&self, i: usize) -> f32 {
+    /// Distances and numbers of the three nearest within some cubes.
+    fn nearest(&self, i: usize) -> [(f32, Option<u32>); NEIGHBOURS] {
         let own = Vec3::from(self.points[i].position);
         let [x, y, z] = self.cube(own);
-        let mut nearest = [f32::INFINITY; 3];
+        let mut nearest = [(f32::INFINITY, None); NEIGHBOURS];
         for reach in 1..=4 {
-            nearest = [f32::INFINITY; 3];
+            nearest = [(f32::INFINITY, None); NEIGHBOURS];
             for cube in cubes_around(reach).map(|[a, b, c]| [x + a, y + b, z + c]) {
                 for (_, other) in self.points_in(cube) {
                     let distance = own.distance(Vec3::from(self.points[*other as usize].position));
                     // Points that lie in the same place say nothing of the distance to others.
-                    if distance > 1e-7 * self.side && distance < nearest[2] {
-                        nearest[2] = distance;
-                        nearest.sort_by(f32::total_cmp);
+                    if distance > 1e-7 * self.side && distance < nearest[NEIGHBOURS - 1].0 {
+                        nearest[NEIGHBOURS - 1] = (distance, Some(*other));
+                        nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
                     }
                 }
             }
-            if nearest[2] <= reach as f32 * self.side {
+            if nearest[NEIGHBOURS - 1].0 <= reach as f32 * self.side {
                 break;
             }
         }
+        nearest
+    }
+
+    /// Mean distance to the nearest; a cube's side if there are none.
+    fn spread(&self, i: usize) -> f32 {
+        let nearest = self.nearest(i).map(|(distance, _)| distance);
         let found: Vec<f32> = nearest.into_iter().filter(|v| v.is_finite()).collect();
         let sum: f32 = found.iter().sum();
         if found.is_empty() { self.side } else { sum / found.len() as f32 }
@@ -229,6 +270,28 @@ mod tests {
             let expected = all[1..4].iter().sum::<f32>() / 3.0;
             assert!((spread - expected).abs() < 1e-4 * expected, "{i}: {spread}, {expected}");
         }
+    }
+
+    #[test]
+    fn few_points_become_more_between_them() {
+        let mut random = Random::new(7);
+        // Two patches, far apart.
+        let point = |i: usize, random: &mut Random| {
+            let [x, y, z] = random.triple(0.0, 1.0);
+            let rgb = [if i < 20 { 0.2 } else { 0.9 }; 3];
+            ColouredPoint { position: [x + if i < 20 { 0.0 } else { 50.0 }, y, z], rgb }
+        };
+        let points: Vec<_> = (0..40).map(|i| point(i, &mut random)).collect();
+        let more = denser(points.clone(), 500, &mut random);
+        assert!(more.len() > 450 && more.len() <= 500, "{}", more.len());
+        assert_eq!(more[..40], points);
+        for ColouredPoint { position: [x, ..], rgb } in &more {
+            let expected = if *x < 10.0 { 0.2 } else { 0.9 };
+            assert!((0.0..=1.0).contains(x) || (50.0..=51.0).contains(x), "{x}");
+            assert!((rgb[0] - expected).abs() < 1e-6, "{x} {rgb:?}");
+        }
+        assert_eq!(denser(points.clone(), 10, &mut random), points);
+        assert_eq!(denser(points[..3].to_vec(), 500, &mut random).len(), 3);
     }
 
     #[test]
