@@ -26,11 +26,12 @@ const MAX_SQUARES: f64 = 0.76;
 
 /// The section of at least one key frame; of none, nothing.
 pub fn to_bytes(key_frames: &KeyFrames) -> Vec<u8> {
-    let Some(bounds) = Bounds::of(key_frames) else { return Vec::new() };
+    let Some(ends) = key_frames.bounds() else { return Vec::new() };
+    let bounds = Bounds::of(&ends);
     let mut bytes = (key_frames.len() as u32).to_le_bytes().to_vec();
     bytes.extend([bounds.min, bounds.max].as_flattened().iter().flat_map(|v| v.to_le_bytes()));
     for pose in key_frames.poses() {
-        bytes.extend(bounds.code(pose.centre()).into_iter().flat_map(u16::to_le_bytes));
+        bytes.extend(bounds.code(pose.centre(), &ends).into_iter().flat_map(u16::to_le_bytes));
         bytes.extend(pack(pose.rotation).to_le_bytes());
     }
     bytes
@@ -71,10 +72,11 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of(key_frames: &KeyFrames) -> Option<Bounds> {
+    /// `ends`: least and greatest positions.
+    fn of(ends: &[DVec3; 2]) -> Bounds {
         // Rounded to f32. It stays within the range of f32: key frames are checked for that.
-        let [min, max] = key_frames.bounds()?.map(|v| v.to_array().map(|v| v as f32));
-        Some(Bounds { min, max })
+        let [min, max] = ends.map(|v| v.to_array().map(|v| v as f32));
+        Bounds { min, max }
     }
 
     fn are_sound(&self) -> bool {
@@ -87,11 +89,20 @@ impl Bounds {
         (self.min[axis].into(), self.max[axis].into())
     }
 
-    /// A position in 65,535ths of the bounds.
-    fn code(&self, position: DVec3) -> [u16; 3] {
+    /// A position in 65,535ths of the bounds, which are those of `ends`.
+    fn code(&self, position: DVec3, [least, greatest]: &[DVec3; 2]) -> [u16; 3] {
         std::array::from_fn(|axis| {
             let (min, max) = self.axis(axis);
-            let share = if max > min { (position[axis] - min) / (max - min) } else { 0.0 };
+            let own = position[axis];
+            // A step may be finer than what rounding has moved the bounds by. So the ends are the bounds, and stay that
+            // when they are read and written again.
+            let share = if max <= min || own <= least[axis] {
+                0.0
+            } else if own >= greatest[axis] {
+                1.0
+            } else {
+                (own - min) / (max - min)
+            };
             // What rounding the bounds has put outside of them is clamped.
             (share * MAX).round() as u16
         })
