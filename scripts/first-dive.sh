@@ -20,7 +20,7 @@ step() {
 
 step "draw a survey's video" demo --video "$out/quay.mp4"
 step "map it" map "$out/quay.mp4" --out "$out/quay.ply" --report "$out/map"
-step "draw a dive's video" demo --video "$out/dive.mp4" --dive --seconds 12 --fps 2
+step "draw a dive's video" demo --video "$out/dive.mp4" --later --seconds 12 --fps 2
 step "encode the dive" encode --prior "$out/quay.ply" --cameras "$out/quay.ply.colmap" \
     --video "$out/dive.mp4" --starts none --psnr 33 --packets "$out/packets" --summary "$out/encode.json" \
     --frames-out "$out/vehicle"

@@ -18,9 +18,9 @@ pub struct VideoArgs {
     /// camera was is written beside it (FILE.csv, as `encode --starts` reads it)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "draw_only", "mapping_run", "views", "site"])]
     video: Option<PathBuf>,
-    /// Draw another dive along a part of the survey's course, to be encoded with the survey's prior
+    /// Draw a later dive along a part of the survey's course, to be encoded with the survey's prior
     #[arg(long, requires = "video")]
-    dive: bool,
+    later: bool,
     /// Length of the video. The course takes 60 s, then goes back
     #[arg(long, value_name = "SECONDS", default_value_t = COURSE, requires = "video", value_parser = seconds)]
     seconds: f64,
@@ -51,7 +51,7 @@ impl VideoArgs {
         let lens = survey_lens()?;
         let frames = ((self.seconds * self.fps).round() as usize).max(1);
         let mut poses = String::from("file,time,qw,qx,qy,qz,tx,ty,tz\n");
-        let filmed = if self.dive { Filmed::Dive } else { Filmed::Survey };
+        let filmed = if self.later { Filmed::Dive } else { Filmed::Survey };
         let bar = progress(frames, "drawing");
         for frame in survey(&lens, filmed, frames, self.fps, Conditions::CALM) {
             write_png(&folder.join(&frame.name), &frame.picture)?;
