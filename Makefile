@@ -17,7 +17,7 @@ help:
 	@echo "make console-test   that page in headless Chromium; RENEW=1 renews the pictures in docs/console/"
 	@echo "make console-soak   eight hours of packets through the console, in fast motion: is its memory flat?"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
-	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md; an hour"
+	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md"
 	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
 	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"

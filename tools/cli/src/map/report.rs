@@ -18,6 +18,8 @@ const TIMED: usize = 200;
 const ROWS: usize = 8;
 /// So far below pictures that are trained on, held-out ones say that something is wrong, dB.
 const FAR_BELOW: f64 = 3.0;
+/// Held-out pictures that reach it are good enough, however well the others are known, dB.
+const GOOD: f64 = 28.0;
 
 struct Point {
     step: u32,
@@ -197,7 +199,8 @@ impl Report {
     /// What the two PSNR say of the poses.
     fn doubt(&self, trained: Option<f64>) -> Option<String> {
         let (held_out, trained) = (self.psnr()?, trained?);
-        (trained - held_out > FAR_BELOW).then(|| {
+        let doubtful = trained - held_out > FAR_BELOW && held_out < GOOD;
+        doubtful.then(|| {
             format!(
                 "pictures that were held out reach {held_out:.1} dB, those that were trained on {trained:.1} dB: the \
                  poses are wrong, or what a picture shows no other one does; look at preview.png, take more pictures \
