@@ -20,8 +20,18 @@ fn all_modules_are_known_but_those_of_64_bits() {
             Err(other) => panic!("{}: {other}", module.entry),
         }
     }
-    let expected =
-        ["bin::bin_count_lockstep", "bin::bin_emit_lockstep", "project::project_lockstep"];
+    let expected = [
+        "bin::bin_count_lockstep",
+        "bin::bin_emit_lockstep",
+        "project::project_lockstep",
+        "splat_backward::splat_backward_lockstep",
+        "ssim::ssim_back_lockstep",
+        "ssim::ssim_columns_lockstep",
+        "ssim::ssim_gradient_lockstep",
+        "ssim::ssim_rows_lockstep",
+        "train_activate::train_activate_lockstep",
+        "train_step::train_step_lockstep",
+    ];
     assert_eq!(unknown, expected);
 }
 
