@@ -106,6 +106,9 @@ def run(command, words):
     if command == "feature_extractor":
         with open(paths["image_list_path"], encoding="utf-8") as file:
             names = file.read().splitlines()
+        # So pictures get their numbers in order: threads that find features end in any order.
+        pycolmap.Database.open(database).close()
+        pycolmap.import_images(database, paths["image_path"], camera_mode, names, READER)
         pycolmap.extract_features(
             database,
             paths["image_path"],
