@@ -50,7 +50,8 @@ fn a_video_becomes_a_folder_of_pictures() {
     program(
         &dive,
         "colmap",
-        "case \"$1\" in help) echo COLMAP 9; echo global_mapper;; *) [ \"$2\" = -h ] || { cat pictures.txt >&2; exit 3; };; esac",
+        "case \"$1\" in help) echo COLMAP 9; echo global_mapper;; *) [ \"$2\" = -h ] || \
+            { cat pictures.txt >&2; exit 3; };; esac",
     );
     let path = path_with(&dive, "/usr/bin:/bin");
     let map = || dive.run_with("map dive.mp4 --out p.ply --frames 5", &[("PATH", &path)]);
