@@ -98,7 +98,8 @@ pub fn check_report(folder: &Path) -> anyhow::Result<()> {
     std::fs::write(&probe, b"").and_then(|()| std::fs::remove_file(&probe)).with_context(named)
 }
 
-fn beside(out: &Path, ending: &str) -> PathBuf {
+/// The path of what lies beside the prior: its name and an ending.
+pub fn beside(out: &Path, ending: &str) -> PathBuf {
     let mut name = out.file_name().unwrap_or_default().to_owned();
     name.push(ending);
     out.with_file_name(name)

@@ -17,6 +17,7 @@ use nvsprior_inputs::structure::{
 use nvsprior_inputs::values;
 
 use super::report::Poses;
+use super::saved::beside;
 use super::video::Unposed;
 
 /// Which pictures to find poses of, and how.
@@ -116,7 +117,7 @@ impl StructureArgs {
             navigation.map(|stated| stated.with_times(&pictures.folder)).transpose()?;
         let mut shown = Shown::default();
         let found =
-            find_poses(&pictures.folder, &work_folder(how.out), &options, &mut |progress| {
+            find_poses(&pictures.folder, &beside(how.out, ".colmap"), &options, &mut |progress| {
                 shown.show(progress)
             })?;
         describe(&found);
@@ -167,12 +168,6 @@ pub struct Search<'a> {
     /// Width of the pictures that are trained on; `None`: as they are.
     pub width: Option<u32>,
     pub seed: u64,
-}
-
-fn work_folder(out: &Path) -> PathBuf {
-    let mut name = out.file_name().unwrap_or_default().to_owned();
-    name.push(".colmap");
-    out.with_file_name(name)
 }
 
 const BAR: f64 = 1000.0;

@@ -9,6 +9,8 @@ use nvsprior_inputs::video::{
     ChoiceOptions, DecoderChoice, Progress, Record, Video, frames_for_mapping,
 };
 
+use super::saved::beside;
+
 /// Which frames of a video.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Videos")]
@@ -73,7 +75,7 @@ impl VideoArgs {
             Given::Folder(folder) => return Ok(Some(Unposed { folder, sequence: false })),
             Given::Videos(videos) => videos,
         };
-        let folder = frames_folder(out);
+        let folder = beside(out, ".frames");
         let overlap = f64::from(self.overlap) / 100.0;
         let options = ChoiceOptions { decoder: self.decoder, overlap, most: self.frames };
         let mut shown = Shown::default();
@@ -82,12 +84,6 @@ impl VideoArgs {
         describe(&record, &folder, shown.worked);
         Ok(Some(Unposed { folder, sequence: true }))
     }
-}
-
-fn frames_folder(out: &Path) -> PathBuf {
-    let mut name = out.file_name().unwrap_or_default().to_owned();
-    name.push(".frames");
-    out.with_file_name(name)
 }
 
 /// The work on standard error: a line for each video and step, and a bar while one runs.
