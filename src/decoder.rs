@@ -467,12 +467,8 @@ impl CameraDecoder {
         let stream = StreamFrame { frame, viewpoint, depths: &self.depths };
         match (&salvage.residual, &salvage.residual_start) {
             (Ok(Residual::None | Residual::Omitted), _) => Ok((0, None)),
-            (Ok(Residual::Stream { reference, payload }), _) => {
-                self.residual.add_in_stream(*reference, payload, &stream, portable, picture)?;
-                Ok((picture.height, None))
-            }
             (Ok(residual), _) => {
-                self.residual.add(residual, portable, picture)?;
+                self.residual.add_in_stream(residual, &stream, portable, picture)?;
                 Ok((picture.height, None))
             }
             (Err(error), Some(start)) if trust == Trust::Start => {

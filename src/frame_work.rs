@@ -207,6 +207,7 @@ impl FrameWork {
             structure: stream.structure,
             acknowledged: &stream.acknowledged,
         });
+        residual.allow_small_blocks(packet.latent.is_short());
         let coded = match &in_stream {
             Some(stream) => residual.encode_in_stream(frame, render, rate, others, stream)?,
             None => residual.encode(frame, render, rate, others)?,

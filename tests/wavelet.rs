@@ -30,9 +30,16 @@ fn pair() -> (Picture, Picture) {
     (shapes(SIZE.0, SIZE.1, 80, 0), shapes(SIZE.0, SIZE.1, 100, 1))
 }
 
+/// Without small blocks: those are in `small_blocks.rs`.
 fn encoder(portable: bool) -> ResidualEncoder {
     let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
-    ResidualEncoder::new(&ResidualSetup { portable, ..setup })
+    let mut encoder = ResidualEncoder::new(&ResidualSetup { portable, ..setup });
+    encoder.allow_small_blocks(false);
+    encoder
+}
+
+fn stream(reference: Option<Reference>, payload: &[u8]) -> Residual<'_> {
+    Residual::Stream { reference, small_blocks: false, payload }
 }
 
 fn payload(frame: &Picture, render: &Picture, rate: Rate, portable: bool) -> Vec<u8> {
@@ -290,11 +297,11 @@ fn streams_are_the_same_on_every_processor() {
             let structure = Structure::Chain { key_every: 0 };
             let stream = InStream { frame, structure, acknowledged: &acknowledged };
             let coded = encoder.encode_in_stream(&seen, &render, rate, 0, &stream).unwrap();
-            let Residual::Stream { reference, payload } = coded.residual else {
+            let Residual::Stream { reference, payload, .. } = coded.residual else {
                 panic!("{coded:?}")
             };
             let mut shown = render.clone();
-            decoder.add_in_stream(reference, payload, &frame, true, &mut shown).unwrap();
+            decoder.add_in_stream(&coded.residual, &frame, true, &mut shown).unwrap();
             assert!(shown == *coded.reconstruction, "frame {number}");
             let distance = reference.map_or(0, |reference| reference.distance);
             let tag = reference.map_or(0, |reference| reference.tag);
@@ -333,11 +340,11 @@ fn decoder_in_stream() -> (ResidualDecoder, Reference) {
         let stream = InStream { frame, structure, acknowledged: &acknowledged };
         let rate = Rate::Quality(40.0);
         let coded = encoder.encode_in_stream(&seen, &render, rate, 0, &stream).unwrap();
-        let Residual::Stream { reference, payload } = coded.residual else { panic!("{coded:?}") };
+        let Residual::Stream { reference, .. } = coded.residual else { panic!("{coded:?}") };
         if let Some(reference) = reference {
             return (decoder, reference);
         }
-        decoder.add_in_stream(None, payload, &frame, true, &mut render.clone()).unwrap();
+        decoder.add_in_stream(&coded.residual, &frame, true, &mut render.clone()).unwrap();
         encoder.keep(&frame, &render);
     }
     panic!("the same frame again is predicted from the first")
@@ -352,25 +359,29 @@ fn a_reference_must_be_there_and_the_same() {
     assert!(decoder.holds(reference, 1, &viewpoint));
     let missing = ResidualError::ReferenceMissing { frame: 1, reference: 0 };
     let other = Reference { tag: !reference.tag, ..reference };
-    let found = decoder.add_in_stream(Some(other), &[1, 2, 3], &frame, true, &mut shown);
+    let found = decoder.add_in_stream(&stream(Some(other), &[1, 2, 3]), &frame, true, &mut shown);
     assert_eq!(found, Err(missing));
     let far = Reference { distance: 5, ..reference };
-    let found = decoder.add_in_stream(Some(far), &[1, 2, 3], &frame, true, &mut shown);
+    let found = decoder.add_in_stream(&stream(Some(far), &[1, 2, 3]), &frame, true, &mut shown);
     // Frame numbers go back beyond zero.
     assert_eq!(found, Err(ResidualError::ReferenceMissing { frame: 1, reference: (1 << 24) - 4 }));
     // A device that is not portable cannot know what a frame is predicted from.
-    let found = decoder.add_in_stream(Some(reference), &[1, 2, 3], &frame, false, &mut shown);
+    let found =
+        decoder.add_in_stream(&stream(Some(reference), &[1, 2, 3]), &frame, false, &mut shown);
     assert_eq!(found, Err(ResidualError::OtherRender));
     let few = StreamFrame { depths: &depths[1..], ..frame };
-    let found = decoder.add_in_stream(Some(reference), &[1, 2, 3], &few, true, &mut shown);
+    let found = decoder.add_in_stream(&stream(Some(reference), &[1, 2, 3]), &few, true, &mut shown);
     assert_eq!(
         found,
         Err(ResidualError::Depths { expected: depths.len(), found: depths.len() - 1 })
     );
-    let residual = Residual::Stream { reference: Some(reference), payload: &[1, 2, 3] };
-    assert!(decoder.add(&residual, true, &mut shown).is_err());
+    assert!(decoder.add(&stream(Some(reference), &[1, 2, 3]), true, &mut shown).is_err());
     assert!(shown == render, "nothing changes on an error");
-    assert!(decoder.add_in_stream(Some(reference), &[1, 2, 3], &frame, true, &mut shown).is_ok());
+    assert!(
+        decoder
+            .add_in_stream(&stream(Some(reference), &[1, 2, 3]), &frame, true, &mut shown)
+            .is_ok()
+    );
 }
 
 proptest! {
@@ -394,7 +405,7 @@ proptest! {
                     ResidualStart { coder: Coder::Wavelet, reference, payload, payload_len: 1000 };
                 prop_assert!(decoder.add_start_in_stream(&start, &frame, true, &mut shown).is_ok());
             } else {
-                prop_assert!(decoder.add_in_stream(reference, payload, &frame, true, &mut shown).is_ok());
+                prop_assert!(decoder.add_in_stream(&stream(reference, payload), &frame, true, &mut shown).is_ok());
             }
         }
     }

@@ -58,10 +58,11 @@ fn add_in_stream(salvage: &Salvage, decoder: &mut ResidualDecoder, picture: &mut
     let viewpoint = Viewpoint { camera, placement };
     for number in 0..3 {
         let frame = StreamFrame { frame: number, viewpoint: &viewpoint, depths: &depths };
-        if let Ok(Residual::Stream { reference, payload }) = salvage.residual {
-            let _ = decoder.add_in_stream(None, payload, &frame, true, picture);
+        if let Ok(Residual::Stream { reference, small_blocks, payload }) = salvage.residual {
+            let residual = |reference| Residual::Stream { reference, small_blocks, payload };
+            let _ = decoder.add_in_stream(&residual(None), &frame, true, picture);
             let frame = StreamFrame { frame: number + 1, ..frame };
-            let _ = decoder.add_in_stream(reference, payload, &frame, true, picture);
+            let _ = decoder.add_in_stream(&residual(reference), &frame, true, picture);
         }
         if let Some(start) = &salvage.residual_start {
             let _ = decoder.add_start_in_stream(start, &frame, true, picture);
@@ -73,7 +74,7 @@ fn add_in_stream(salvage: &Salvage, decoder: &mut ResidualDecoder, picture: &mut
 fn latent_len(bytes: &[u8]) -> usize {
     match bytes.get(1).map(|flags| flags & 3) {
         Some(2) => 43,
-        Some(3) => SHORT_LATENT_LEN,
+        Some(0 | 3) => SHORT_LATENT_LEN,
         _ => 31,
     }
 }

@@ -1,6 +1,7 @@
 //! Payloads of the wavelet coder: any bytes must give a picture, and the same one each time.
 //!
-//! The first byte of the input says which picture the payload belongs to, and whether the payload was cut short.
+//! The first byte of the input says which picture the payload belongs to, whether the payload was cut short, and
+//! whether it has small blocks.
 
 use std::cell::RefCell;
 
@@ -41,7 +42,7 @@ pub fn run(input: &[u8]) {
     let render = render(SIZES[at]);
     let decode = |decoder: &mut ResidualDecoder| {
         let mut shown = render.clone();
-        let coder = Coder::Wavelet;
+        let coder = if choice & 32 == 0 { Coder::Wavelet } else { Coder::SmallBlocks };
         let outcome = if start {
             let payload_len = payload.len() + usize::from(choice >> 5);
             decoder

@@ -76,6 +76,8 @@ pub enum PacketError {
     ShortCamera,
     #[error("the pose is too fine for the short form, or beyond its reach")]
     ShortPose,
+    #[error("a difference picture with small blocks goes with the short form of a packet alone")]
+    SmallBlocks,
     #[error("unknown residual coder {0}")]
     Coder(u8),
     /// A truth map goes with the wavelet coder alone.

@@ -8,7 +8,7 @@ use super::camera_tag::size_bytes;
 use super::error::{PacketError, Part};
 use super::form::{FRAMES, Form, LEARNT_SHORT_LEN, SHORT_FRAMES, SHORT_LATENT_LEN};
 use super::pose::{PoseProfile, QuantisedPose};
-use super::residual::Check;
+use super::residual::{Check, SMALL_BLOCKS};
 use super::session::Session;
 
 /// High four bits of the first byte.
@@ -29,6 +29,9 @@ const VERSION_LEARNT_SHORT: u8 = 13;
 const VERSION_LEARNT_SHORT_NOT_PORTABLE: u8 = 14;
 /// Versions of portable devices.
 const PORTABLE: [u8; 4] = [VERSION, VERSION_SHORT, VERSION_LEARNT, VERSION_LEARNT_SHORT];
+/// Stands in the flags of the short form for its profile if the residual has small blocks. It differs from that in two
+/// bits, and in one from all of the full form: still only three flipped bits make one form read as the other.
+const SMALL_BLOCKS_CODE: u8 = 0b00;
 const FLAG_UNCERTAIN: u8 = 1 << 2;
 const FLAG_CAMERA: u8 = 1 << 3;
 const FLAG_RENDER: u8 = 1 << 7;
@@ -59,10 +62,11 @@ pub(super) struct Follows {
 
 impl Follows {
     pub(super) fn of_flags(flags: u8) -> Follows {
+        let form = if flags & 0b11 == SMALL_BLOCKS_CODE { SMALL_BLOCKS } else { 0 };
         Follows {
             camera: flags & FLAG_CAMERA != 0,
             render: flags & FLAG_RENDER != 0,
-            residual: flags >> 4 & 0b111,
+            residual: flags >> 4 & 0b111 | form,
         }
     }
 }
@@ -174,12 +178,16 @@ impl Latent {
 
     /// Writes the part at the start of an empty packet.
     pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
-        let profile = self.form().full.unwrap_or(PoseProfile::Short);
-        let flags = profile.code()
+        let code = match (self.form().full, follows.residual & SMALL_BLOCKS != 0) {
+            (full, false) => full.unwrap_or(PoseProfile::Short).code(),
+            (None, true) => SMALL_BLOCKS_CODE,
+            (Some(_), true) => return Err(PacketError::SmallBlocks),
+        };
+        let flags = code
             | if self.uncertain { FLAG_UNCERTAIN } else { 0 }
             | if follows.camera { FLAG_CAMERA } else { 0 }
             | if follows.render { FLAG_RENDER } else { 0 }
-            | follows.residual << 4;
+            | (follows.residual & !SMALL_BLOCKS) << 4;
         bytes.extend_from_slice(&[MAGIC << 4 | self.version(), flags]);
         match self.session {
             Session::Stated { prior, width, height, camera_tag } => {
@@ -274,7 +282,7 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
         | VERSION_SHORT_NOT_PORTABLE
         | VERSION_LEARNT_SHORT
         | VERSION_LEARNT_SHORT_NOT_PORTABLE => {
-            if code != PoseProfile::Short.code() {
+            if code != PoseProfile::Short.code() && code != SMALL_BLOCKS_CODE {
                 return Err(PacketError::Profile(code));
             }
             if flags & FLAG_CAMERA != 0 {

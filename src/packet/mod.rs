@@ -33,7 +33,7 @@
 //! | byte | latent part, short form: 19 bytes |
 //! |---|---|
 //! | 0 | high four bits `0xB`, low four bits the version: 4, or 7 if the vehicle's device is not portable |
-//! | 1 | flags, as above; pose profile: 3 |
+//! | 1 | flags, as above; pose profile: 3, or 0 if the residual has small blocks |
 //! | 2–3 | frame number, modulo 2¹⁶: see [`Latent::frame_near`] |
 //! | 4 | [`session_tag`] |
 //! | 5–16 | pose: short, 12 bytes; see [`mod@pose`] |
@@ -74,6 +74,9 @@
 //! of its first byte say what follows it: 0 no residual, as none was asked for; 1 none, as the budget holds none; 2 the
 //! wavelet coder's bytes; 3 those of a frame of a stream, from its reference on. Code 7: no residual was asked for, or
 //! none was needed, and the truth map is the one by which all is as seen; no residual part follows.
+//!
+//! With the pose profile 0 of the short form, codes 4, 5 and 6 are of [small blocks](Coder::SmallBlocks): so are the
+//! wavelet coder's bytes, by themselves, in a stream, or behind a truth map. No other code goes with it.
 //!
 //! A *reference* is a frame of the stream that both sides hold: what the topside shows of it, less its render. The tag
 //! tells it from a frame of the same number that is of another stream, or came in part. It is the CRC-32 (IEEE) of

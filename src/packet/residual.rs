@@ -56,6 +56,12 @@ const CODE_STREAM: u8 = 5;
 const CODE_TRUTH: u8 = 6;
 /// [`Residual::None`], and all of the picture is as seen.
 const CODE_ALL_SEEN: u8 = 7;
+/// Bit of a code that the flags of the short form tell by the pose profile: the wavelet coder's payload has small
+/// blocks.
+pub(super) const SMALL_BLOCKS: u8 = 8;
+
+const CODE_STREAM_SMALL_BLOCKS: u8 = CODE_STREAM | SMALL_BLOCKS;
+const CODE_TRUTH_SMALL_BLOCKS: u8 = CODE_TRUTH | SMALL_BLOCKS;
 
 /// How a difference picture is coded; the number is the code in a packet's flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +74,15 @@ pub enum Coder {
     /// The wavelet coder: see [`crate::residual::wavelet`]. If its form or its generic tables change, it must take
     /// another number: a topside with other tables would decode garbage.
     Wavelet = 4,
+    /// The wavelet coder with [small blocks](crate::residual::wavelet). In the short form only.
+    SmallBlocks = Coder::Wavelet as u8 | SMALL_BLOCKS,
+}
+
+impl Coder {
+    /// The wavelet coder, with small blocks or without.
+    pub(crate) fn wavelet(small_blocks: bool) -> Coder {
+        if small_blocks { Coder::SmallBlocks } else { Coder::Wavelet }
+    }
 }
 
 /// The reference frame of a residual.
@@ -127,6 +142,8 @@ pub enum Residual<'a> {
     Stream {
         /// Its reference frame; `None`: it is intra.
         reference: Option<Reference>,
+        /// Whether it is coded as [`Coder::SmallBlocks`], in place of [`Coder::Wavelet`].
+        small_blocks: bool,
         /// Its bytes.
         payload: &'a [u8],
     },
@@ -147,7 +164,18 @@ impl<'a> Residual<'a> {
             Residual::None => Residual::None,
             Residual::Omitted => Residual::Omitted,
             Residual::Coded { coder, .. } => Residual::Coded { coder, payload },
-            Residual::Stream { reference, .. } => Residual::Stream { reference, payload },
+            Residual::Stream { reference, small_blocks, .. } => {
+                Residual::Stream { reference, small_blocks, payload }
+            }
+        }
+    }
+
+    /// Whether it can travel in the short form only.
+    fn has_small_blocks(&self) -> bool {
+        match *self {
+            Residual::None | Residual::Omitted => false,
+            Residual::Coded { coder, .. } => coder == Coder::SmallBlocks,
+            Residual::Stream { small_blocks, .. } => small_blocks,
         }
     }
 }
@@ -222,10 +250,11 @@ pub(super) fn code_of(residual: &Residual, truth: Option<&[u8]>) -> Result<u8, P
         Residual::Coded { coder, .. } => *coder as u8,
         Residual::Stream { .. } => CODE_STREAM,
     };
+    let form = if residual.has_small_blocks() { SMALL_BLOCKS } else { 0 };
     match truth {
-        None => Ok(code),
+        None => Ok(code | form),
         Some(_) if !is_written(residual, truth) => Ok(CODE_ALL_SEEN),
-        Some(_) => follower(residual).map(|_| CODE_TRUTH),
+        Some(_) => follower(residual).map(|_| CODE_TRUTH | form),
     }
 }
 
@@ -234,7 +263,7 @@ fn follower(residual: &Residual) -> Result<u8, PacketError> {
     match residual {
         Residual::None => Ok(0),
         Residual::Omitted => Ok(1),
-        Residual::Coded { coder: Coder::Wavelet, .. } => Ok(2),
+        Residual::Coded { coder: Coder::Wavelet | Coder::SmallBlocks, .. } => Ok(2),
         Residual::Stream { .. } => Ok(3),
         Residual::Coded { coder, .. } => Err(PacketError::TruthCoder(*coder as u8)),
     }
@@ -300,8 +329,12 @@ pub(super) fn decode<'a>(code: u8, bytes: &'a [u8], latent: &[u8], check: Check)
         code if code == Coder::Vp8 as u8 => Kind::Coded(Coder::Vp8),
         code if code == Coder::WebP as u8 => Kind::Coded(Coder::WebP),
         code if code == Coder::Wavelet as u8 => Kind::Coded(Coder::Wavelet),
-        CODE_STREAM => Kind::Stream,
-        CODE_TRUTH => return with_truth(bytes, latent, check),
+        code if code == Coder::SmallBlocks as u8 => Kind::Coded(Coder::SmallBlocks),
+        CODE_STREAM => Kind::Stream { small_blocks: false },
+        CODE_STREAM_SMALL_BLOCKS => Kind::Stream { small_blocks: true },
+        CODE_TRUTH | CODE_TRUTH_SMALL_BLOCKS => {
+            return with_truth(code == CODE_TRUTH_SMALL_BLOCKS, bytes, latent, check);
+        }
         code => return Found::without_part(Err(PacketError::Coder(code))),
     };
     match checked(bytes, latent, check) {
@@ -314,7 +347,7 @@ pub(super) fn decode<'a>(code: u8, bytes: &'a [u8], latent: &[u8], check: Check)
 }
 
 /// Reads a part that begins with a truth map.
-fn with_truth<'a>(bytes: &'a [u8], latent: &[u8], check: Check) -> Found<'a> {
+fn with_truth<'a>(small_blocks: bool, bytes: &'a [u8], latent: &[u8], check: Check) -> Found<'a> {
     let whole = checked(bytes, latent, check);
     let (content, len) = match &whole {
         Ok((_, content)) => (*content, content.len()),
@@ -326,7 +359,7 @@ fn with_truth<'a>(bytes: &'a [u8], latent: &[u8], check: Check) -> Found<'a> {
     let Some((truth, payload)) = truth::split(content) else {
         return Found::without_part(Err(whole.err().unwrap_or(PacketError::Truth)));
     };
-    let kind = Kind::of_follower(truth[0] & truth::FOLLOWER);
+    let kind = Kind::of_follower(truth[0] & truth::FOLLOWER, small_blocks);
     let (residual, start) = match whole {
         Ok(_) => (kind.residual(payload), None),
         Err(error) => (Err(error), kind.start(payload, len - truth.len())),
@@ -340,16 +373,16 @@ enum Kind {
     None,
     Omitted,
     Coded(Coder),
-    Stream,
+    Stream { small_blocks: bool },
 }
 
 impl Kind {
-    fn of_follower(follower: u8) -> Kind {
+    fn of_follower(follower: u8, small_blocks: bool) -> Kind {
         match follower {
             0 => Kind::None,
             1 => Kind::Omitted,
-            2 => Kind::Coded(Coder::Wavelet),
-            _ => Kind::Stream,
+            2 => Kind::Coded(Coder::wavelet(small_blocks)),
+            _ => Kind::Stream { small_blocks },
         }
     }
 
@@ -359,8 +392,10 @@ impl Kind {
             Kind::None => Ok(Residual::None),
             Kind::Omitted => Ok(Residual::Omitted),
             Kind::Coded(coder) => Ok(Residual::Coded { coder, payload: bytes }),
-            Kind::Stream => match Reference::read(bytes) {
-                Some((reference, payload)) => Ok(Residual::Stream { reference, payload }),
+            Kind::Stream { small_blocks } => match Reference::read(bytes) {
+                Some((reference, payload)) => {
+                    Ok(Residual::Stream { reference, small_blocks, payload })
+                }
                 None => Err(PacketError::Reference(bytes.len())),
             },
         }
@@ -371,9 +406,9 @@ impl Kind {
         let (coder, reference, payload) = match self {
             Kind::None | Kind::Omitted => return None,
             Kind::Coded(coder) => (coder, None, bytes),
-            Kind::Stream => {
+            Kind::Stream { small_blocks } => {
                 let (reference, payload) = Reference::read(bytes)?;
-                (Coder::Wavelet, reference, payload)
+                (Coder::wavelet(small_blocks), reference, payload)
             }
         };
         Some(ResidualStart { coder, reference, payload, payload_len: len })
@@ -405,7 +440,7 @@ pub(super) fn told_len(code: u8, bytes: &[u8]) -> usize {
         let (map, _) = truth::split(bytes.get(field..)?)?;
         Some(field + map.len())
     };
-    if code == CODE_TRUTH { told().unwrap_or(0) } else { 0 }
+    if code & !SMALL_BLOCKS == CODE_TRUTH { told().unwrap_or(0) } else { 0 }
 }
 
 /// Length of a valid part at the start of `bytes`, and its payload.

@@ -34,11 +34,12 @@ fn hex(bytes: &[u8]) -> String {
 }
 
 fn inter(payload: &[u8]) -> Residual<'_> {
-    Residual::Stream { reference: Some(Reference { distance: 7, tag: 0x0201 }), payload }
+    let reference = Some(Reference { distance: 7, tag: 0x0201 });
+    Residual::Stream { reference, small_blocks: false, payload }
 }
 
 fn intra(payload: &[u8]) -> Residual<'_> {
-    Residual::Stream { reference: None, payload }
+    Residual::Stream { reference: None, small_blocks: false, payload }
 }
 
 #[test]
@@ -46,7 +47,7 @@ fn a_stream_names_its_references() {
     for residual in [inter(b"difference"), intra(b"")] {
         let bytes = packet(PoseProfile::Short, false, residual).encode().unwrap();
         // The part's length counts the reference.
-        let Residual::Stream { reference, payload } = residual else { unreachable!() };
+        let Residual::Stream { reference, payload, .. } = residual else { unreachable!() };
         let front = Reference::encoded_len(reference);
         assert_eq!(usize::from(bytes[SHORT_LATENT_LEN]), front + payload.len());
         // Without its end the start is there, and its reference, as soon as that has come.
@@ -69,6 +70,51 @@ fn a_stream_names_its_references() {
         let found = Packet::salvage(&bytes).unwrap().residual;
         assert_eq!(found, Err(PacketError::Reference(part.len())));
         assert_eq!(found.unwrap_err().part(), Some(Part::Residual));
+    }
+}
+
+/// As another residual, with small blocks.
+fn small(residual: Residual<'_>) -> Residual<'_> {
+    match residual {
+        Residual::Coded { payload, .. } => Residual::Coded { coder: Coder::SmallBlocks, payload },
+        Residual::Stream { reference, payload, .. } => {
+            Residual::Stream { reference, small_blocks: true, payload }
+        }
+        other => other,
+    }
+}
+
+#[test]
+fn small_blocks_travel_in_the_short_form_alone() {
+    let map = &[0b0001_0100, 0x13, 5, 6, 7][..];
+    for plain in [coded(b"difference"), inter(b"difference"), intra(b"")] {
+        let residual = small(plain);
+        for truth in [None, Some(map)] {
+            let packet = Packet { truth, ..packet(PoseProfile::Short, false, residual) };
+            let bytes = packet.encode().unwrap();
+            assert_eq!(bytes.len(), packet.encoded_len());
+            // Only the profile tells them: not a byte more.
+            assert_eq!(bytes[1] & 0b11, 0);
+            let found = Packet::decode(&bytes).unwrap();
+            assert_eq!((found.residual, found.truth.is_some()), (residual, truth.is_some()));
+            assert_eq!(Extent::read(&bytes).unwrap().total, Some(bytes.len()));
+            assert_eq!(valid_len(&bytes), bytes.len());
+            // So does the start of one.
+            let start = Packet::salvage(&bytes[..bytes.len() - 1]).unwrap().residual_start;
+            assert_eq!(start.unwrap().coder, Coder::SmallBlocks);
+        }
+        for profile in [PoseProfile::Compact, PoseProfile::Paper] {
+            let found = packet(profile, false, residual).encode();
+            assert_eq!(found, Err(PacketError::SmallBlocks));
+        }
+    }
+    // Codes that nothing has yet.
+    for code in [8, 9, 10, 11, 15] {
+        let mut bytes = Vec::new();
+        let follows = Follows { camera: false, render: false, residual: code };
+        latent(PoseProfile::Short).write(&follows, &mut bytes).unwrap();
+        let found = Packet::salvage(&bytes).unwrap().residual;
+        assert_eq!(found, Err(PacketError::Coder(code)));
     }
 }
 
@@ -107,6 +153,14 @@ fn golden_packets() {
             "b115040302edd0a5d43f310b451300fc14ff6be3f994948e84a4a424a8db08",
         ),
         (packet(Short, false, Residual::None), "b40704039d9a00a8f81bcf9252125252124b75"),
+        (
+            packet(Short, false, small(coded(b"abc"))),
+            "b44404039d9a00a8f81bcf9252125252122e11036162637d16",
+        ),
+        (
+            packet(Short, false, small(inter(b"abc"))),
+            "b45404039d9a00a8f81bcf925212525212243206070102616263fdc1",
+        ),
         (
             packet(Short, false, coded(b"difference")),
             "b42704039d9a00a8f81bcf9252125252125f330a646966666572656e6365a1b7",
@@ -463,7 +517,11 @@ fn any_residual() -> impl Strategy<Value = Residual<'static>> {
         (payload, prop_oneof![Just(Coder::Vp8), Just(Coder::WebP)])
             .prop_map(|(payload, coder)| Residual::Coded { coder, payload: payload.leak() }),
         (proptest::collection::vec(any::<u8>(), 0..400), any_reference()).prop_map(
-            |(payload, reference)| Residual::Stream { reference, payload: payload.leak() }
+            |(payload, reference)| Residual::Stream {
+                reference,
+                small_blocks: false,
+                payload: payload.leak()
+            }
         ),
     ]
 }
@@ -492,7 +550,7 @@ prop_compose! {
         (frame, prior, uncertain) in (0..Latent::FRAMES, any::<u32>(), any::<bool>()),
         (with_camera, with_check, portable) in any::<(bool, bool, bool)>(),
         update in any::<Option<u16>>(),
-        residual in any_residual(),
+        (residual, small_blocks) in (any_residual(), any::<bool>()),
     ) -> Packet<'static> {
         let camera = Camera { width, height, fx, fy: fx * 1.01, cx, cy: -cx };
         let pose = QuantisedPose::quantise(&pose, &FRAME, profile).unwrap();
@@ -505,6 +563,7 @@ prop_compose! {
         };
         let latent = update.map_or(latent, |number| latent.with_update(number));
         let camera = (with_camera && !latent.is_short()).then_some(camera);
+        let residual = if small_blocks && latent.is_short() { small(residual) } else { residual };
         Packet { latent, camera, render, residual, truth: None }
     }
 }
@@ -543,18 +602,21 @@ proptest! {
     fn arbitrary_later_parts_never_panic(
         tail in proptest::collection::vec(any::<u8>(), 0..60),
         (camera, render) in any::<(bool, bool)>(),
-        residual in 0_u8..8,
+        residual in 0_u8..16,
     ) {
         let mut bytes = Vec::new();
+        let profile = if residual < 8 { PoseProfile::Compact } else { PoseProfile::Short };
+        let camera = camera && residual < 8;
         let follows = Follows { camera, render, residual };
-        latent(PoseProfile::Compact).write(&follows, &mut bytes).unwrap();
+        latent(profile).write(&follows, &mut bytes).unwrap();
+        let latent = bytes.len();
         bytes.extend(tail);
         let salvage = format!("{:?}", Packet::salvage(&bytes).unwrap());
         let parsed = Parsed::of(&bytes).unwrap();
         prop_assert_eq!(salvage, format!("{:?}", parsed.salvage(&bytes)));
-        let _ = parsed.salvage(&bytes[..31]);
+        let _ = parsed.salvage(&bytes[..latent]);
         let _ = Extent::read(&bytes);
-        prop_assert!((31..=bytes.len()).contains(&valid_len(&bytes)));
+        prop_assert!((latent..=bytes.len()).contains(&valid_len(&bytes)));
     }
 
     #[test]
@@ -723,8 +785,13 @@ fn a_short_residual_belongs_to_its_latent() {
 /// miss.
 #[test]
 fn no_two_flipped_bits_change_the_form() {
-    for profile in [PoseProfile::Compact, PoseProfile::Short] {
-        let mut bytes = packet(profile, false, Residual::None).encode().unwrap();
+    let cases = [
+        (PoseProfile::Compact, Residual::None, 31),
+        (PoseProfile::Short, Residual::None, SHORT_LATENT_LEN),
+        (PoseProfile::Short, small(coded(b"")), SHORT_LATENT_LEN),
+    ];
+    for (profile, residual, len) in cases {
+        let mut bytes = packet(profile, false, residual).encode().unwrap()[..len].to_vec();
         let bits = 8 * bytes.len();
         bytes.extend((0..40).map(|i: u8| i.wrapping_mul(151)));
         for (i, j) in (0..bits).flat_map(|i| (i..bits).map(move |j| (i, j))) {

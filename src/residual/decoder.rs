@@ -8,7 +8,7 @@ use super::ResidualError;
 use super::checks::check_size;
 use super::stream::{StreamDecoder, StreamFrame};
 use super::warp::Viewpoint;
-use super::wavelet::WaveletDecoder;
+use super::wavelet::{Payload, WaveletDecoder};
 #[cfg(feature = "paper")]
 use super::{difference, webp::Webp};
 use crate::coder_tables::Tables;
@@ -50,16 +50,22 @@ impl ResidualDecoder {
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        let (coder, payload) = match *residual {
+        let (coder, bytes) = match *residual {
             Residual::None | Residual::Omitted => return Ok(()),
             Residual::Coded { coder, payload } => (coder, payload),
-            Residual::Stream { reference: None, payload } => (Coder::Wavelet, payload),
+            Residual::Stream { reference: None, small_blocks, payload } => {
+                (Coder::wavelet(small_blocks), payload)
+            }
             Residual::Stream { reference: Some(_), .. } => return Err(OUT_OF_STREAM),
         };
         check_size(self.size, render)?;
         match coder {
-            Coder::Wavelet => self.wavelet.add(payload, Tail::Zeros, portable, render),
-            Coder::Vp8 | Coder::WebP => self.add_webp(coder, payload, render),
+            Coder::Wavelet | Coder::SmallBlocks => {
+                let small_blocks = coder == Coder::SmallBlocks;
+                let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
+                self.wavelet.add(payload, portable, render)
+            }
+            Coder::Vp8 | Coder::WebP => self.add_webp(coder, bytes, render),
         }
     }
 
@@ -86,22 +92,26 @@ impl ResidualDecoder {
     }
 
     /// As [`ResidualDecoder::add`], for a stream's residual that came whole. Later frames may be predicted from the
-    /// frame if the render is the encoder's. `frame` needs depths only if the residual is predicted from another.
+    /// frame if the render is the encoder's. `frame` needs depths only if the residual is predicted from another. A
+    /// residual of no stream is added as it is.
     ///
     /// # Errors
     /// As for [`ResidualDecoder::add`]. If the reference is missing.
     pub fn add_in_stream(
         &mut self,
-        reference: Option<Reference>,
-        payload: &[u8],
+        residual: &Residual,
         frame: &StreamFrame,
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
+        let Residual::Stream { reference, small_blocks, payload: bytes } = *residual else {
+            return self.add(residual, portable, render);
+        };
         check_size(self.size, render)?;
         self.wavelet.prepare_inter();
         self.stream.set_render(frame, render);
-        self.add_wavelet(reference, payload, Tail::Zeros, frame, portable, render)?;
+        let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
+        self.add_wavelet(reference, payload, frame, portable, render)?;
         if portable {
             self.stream.keep(frame, render);
         }
@@ -120,22 +130,21 @@ impl ResidualDecoder {
         render: &mut Picture,
     ) -> Result<u32, ResidualError> {
         check_size(self.size, render)?;
-        let ResidualStart { reference, payload, .. } = *start;
-        self.add_wavelet(reference, payload, Tail::Unknown, frame, portable, render)?;
+        let payload = Payload::of_start(start);
+        self.add_wavelet(start.reference, payload, frame, portable, render)?;
         Ok(render.height)
     }
 
     fn add_wavelet(
         &mut self,
         reference: Option<Reference>,
-        payload: &[u8],
-        tail: Tail,
+        payload: Payload,
         frame: &StreamFrame,
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         let Some(reference) = reference else {
-            return self.wavelet.add(payload, tail, portable, render);
+            return self.wavelet.add(payload, portable, render);
         };
         if !portable {
             return Err(ResidualError::OtherRender);
@@ -146,7 +155,7 @@ impl ResidualDecoder {
         }
         frame.check((render.width, render.height))?;
         let warped = self.stream.warped(reference, frame);
-        self.wavelet.add_inter(payload, tail, portable, warped, render)
+        self.wavelet.add_inter(payload, portable, warped, render)
     }
 
     /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet
@@ -161,8 +170,8 @@ impl ResidualDecoder {
         if start.reference.is_some() {
             return Err(OUT_OF_STREAM);
         }
-        if start.coder == Coder::Wavelet {
-            self.wavelet.add(start.payload, Tail::Unknown, portable, render)?;
+        if matches!(start.coder, Coder::Wavelet | Coder::SmallBlocks) {
+            self.wavelet.add(Payload::of_start(start), portable, render)?;
             return Ok(render.height);
         }
         self.add_webp_start(start, render)

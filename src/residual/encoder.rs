@@ -104,7 +104,8 @@ impl ResidualEncoder {
         let ResidualSetup { width, height, coder, ref tables, portable } = *setup;
         let coder = match coder {
             ResidualCoder::Wavelet => {
-                let coder = RateEncoder::new(width, height, tables, portable);
+                let mut coder = RateEncoder::new(width, height, tables, portable);
+                coder.allow_small_blocks(true);
                 AnyEncoder::Wavelet(Box::new(coder))
             }
             #[cfg(feature = "paper")]
@@ -148,6 +149,16 @@ impl ResidualEncoder {
     pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         match &mut self.coder {
             AnyEncoder::Wavelet(coder) => coder.set_interest(interest),
+            #[cfg(feature = "paper")]
+            AnyEncoder::Webp(_) => {}
+        }
+    }
+
+    /// Sets whether residuals may have small blocks, from the next frame on: only packets in the short form hold them.
+    /// They may from the start.
+    pub fn allow_small_blocks(&mut self, allowed: bool) {
+        match &mut self.coder {
+            AnyEncoder::Wavelet(coder) => coder.allow_small_blocks(allowed),
             #[cfg(feature = "paper")]
             AnyEncoder::Webp(_) => {}
         }

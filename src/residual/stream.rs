@@ -238,7 +238,7 @@ mod tests {
             let frame = StreamFrame { frame: number(i), viewpoint: &viewpoint, depths: &[1.0; 48] };
             heard(i).map(number).into_iter().for_each(|frame| acknowledged.add(frame));
             let reference = encoder.reference(&frame, structure, &acknowledged).map(|(r, _)| r);
-            let residual = Residual::Stream { reference, payload: &[] };
+            let residual = Residual::Stream { reference, small_blocks: false, payload: &[] };
             encoder.keep(&frame, &residual, &picture, &picture);
             reference.map_or(0, |reference| reference.distance)
         });

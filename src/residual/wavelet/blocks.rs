@@ -13,7 +13,7 @@ use super::render::RenderBands;
 const BITS: i64 = 8;
 const PART: i64 = 16;
 
-/// Chooses, and makes the difference that of what is predicted.
+/// Chooses blocks of 64×64 pixels, and makes the difference that of what is predicted.
 pub fn choose(frame: &mut Frame, difference: &mut Planes) {
     let (columns, rows) = frame.geometry.sizes[frame.geometry.levels];
     for by in 0..rows {

@@ -97,7 +97,7 @@ impl<'a> BandContext<'a> {
             scale: frame.step.per_unit(geometry.norm(&band)),
             log_step: frame.step.log(),
             known: match frame.sees_render {
-                true if frame.predicted.contains(&false) => None,
+                true if frame.has_blocks() => None,
                 sees_render => Some(sees_render),
             },
             frame,
@@ -111,10 +111,9 @@ impl<'a> BandContext<'a> {
         self.band.offset + y * self.frame.geometry.width + x
     }
 
-    /// Whether contexts may look at the render's block here.
+    /// Whether contexts may look at the render here.
     fn is_known(&self, x: usize, y: usize) -> bool {
-        self.known
-            .unwrap_or_else(|| self.frame.predicted[self.frame.geometry.block(&self.band, x, y)])
+        self.known.unwrap_or_else(|| self.frame.is_detailed(&self.band, x, y))
     }
 
     /// Inputs of the network for magnitudes.

@@ -1,6 +1,7 @@
 //! The topside's side: bytes as a difference picture.
 
 use crate::Picture;
+use crate::packet::{Coder, ResidualStart};
 
 use super::super::ResidualError;
 use super::bits::Reader;
@@ -13,6 +14,25 @@ use super::pass::Pass;
 use super::predictor::Predictors;
 use crate::coder_tables::Tables;
 use crate::range_coder::{RangeDecoder, Tail};
+
+/// A payload, or the start of one.
+#[derive(Clone, Copy)]
+pub struct Payload<'a> {
+    /// Its bytes.
+    pub bytes: &'a [u8],
+    /// What comes after them.
+    pub tail: Tail,
+    /// It has small blocks.
+    pub small_blocks: bool,
+}
+
+impl<'a> Payload<'a> {
+    /// One whose end is missing.
+    pub(crate) fn of_start(start: &ResidualStart<'a>) -> Payload<'a> {
+        let small_blocks = start.coder == Coder::SmallBlocks;
+        Payload { bytes: start.payload, tail: Tail::Unknown, small_blocks }
+    }
+}
 
 /// Decodes the pictures of one size, in memory of its own.
 pub struct WaveletDecoder {
@@ -41,12 +61,11 @@ impl WaveletDecoder {
     /// If the payload's contexts look at the render, and it is not the encoder's: `portable` tells.
     pub fn add(
         &mut self,
-        payload: &[u8],
-        tail: Tail,
+        payload: Payload,
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        self.add_inter(payload, tail, portable, None, render)
+        self.add_inter(payload, portable, None, render)
     }
 
     /// As [`WaveletDecoder::add`], for an inter payload. `warped`: the reference's planes in this
@@ -56,8 +75,7 @@ impl WaveletDecoder {
     /// As for [`WaveletDecoder::add`]. All inter payloads need the encoder's render.
     pub fn add_inter(
         &mut self,
-        payload: &[u8],
-        tail: Tail,
+        payload: Payload,
         portable: bool,
         warped: Option<&Planes>,
         render: &mut Picture,
@@ -67,14 +85,14 @@ impl WaveletDecoder {
             let Frame { geometry, scratch, inter, .. } = &mut self.frame;
             inter.iter_mut().for_each(|inter| inter.set(geometry, warped, scratch));
         }
-        self.add_prepared(payload, tail, portable, warped.is_some(), render)
+        self.add_prepared(payload, portable, warped.is_some(), render)
     }
 
     /// Decodes what an encoder has written of its frame, or the start of it.
     pub(super) fn add_own(
         &mut self,
         encoder: &WaveletEncoder,
-        payload: &[u8],
+        bytes: &[u8],
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         let own = encoder.inter_in_use();
@@ -82,21 +100,24 @@ impl WaveletDecoder {
             self.prepare_inter();
             self.frame.inter.iter_mut().for_each(|inter| inter.set_as(own));
         }
-        self.add_prepared(payload, Tail::Zeros, true, own.is_some(), render)
+        let small_blocks = encoder.has_small_blocks();
+        let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
+        self.add_prepared(payload, true, own.is_some(), render)
     }
 
     /// `is_inter`: the reference was set.
     fn add_prepared(
         &mut self,
-        payload: &[u8],
-        tail: Tail,
+        payload: Payload,
         portable: bool,
         is_inter: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         let WaveletDecoder { frame, predictors, pass } = self;
-        let mut decoder = RangeDecoder::new(payload, tail);
-        let Some(header) = Header::read(&mut frame.predicted, &mut decoder) else {
+        let mut decoder = RangeDecoder::new(payload.bytes, payload.tail);
+        frame.small_blocks.in_use = payload.small_blocks;
+        let Frame { predicted, small_blocks, .. } = frame;
+        let Some(header) = Header::read(predicted, small_blocks, &mut decoder) else {
             return Ok(());
         };
         if (header.sees_render || is_inter) && !portable {
@@ -107,6 +128,7 @@ impl WaveletDecoder {
         }
         (frame.sees_render, frame.step) = (header.sees_render, header.step);
         frame.low_predicted = header.low_predicted;
+        frame.weigh();
         frame.is_inter = is_inter;
         if let Some(inter) = frame.inter.as_mut().filter(|_| is_inter)
             && inter.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none()

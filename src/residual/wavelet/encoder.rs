@@ -23,6 +23,7 @@ use super::pass::{Due, Pass, Source};
 use super::predictor::{Predictor, Predictors};
 use super::prices::Prices;
 use super::quantised::Quantised;
+use super::small_blocks_choice::{BlockChooser, take_back};
 use super::step::Step;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::Tables;
@@ -43,6 +44,9 @@ pub struct WaveletEncoder {
     gains: LevelGains,
     prices: Prices,
     pass: Pass,
+    chooser: BlockChooser,
+    /// Blocks that are not predicted may be small.
+    small_blocks: bool,
 }
 
 impl WaveletEncoder {
@@ -57,6 +61,8 @@ impl WaveletEncoder {
             gains: LevelGains::default(),
             prices: Prices::new(&frame.geometry),
             pass: Pass::new(&frame.geometry),
+            chooser: BlockChooser::new(&frame.small_blocks.grids),
+            small_blocks: false,
             predictors: Predictors::new(tables, &Tables::stream()),
             frame,
         }
@@ -71,6 +77,31 @@ impl WaveletEncoder {
     /// Makes room for inter frames.
     pub fn prepare_inter(&mut self) {
         self.frame.prepare_inter();
+    }
+
+    /// Sets whether blocks that are not predicted from the render may be small, from the next frame on. If so, they are
+    /// chosen by [`WaveletEncoder::choose_blocks`].
+    pub fn allow_small_blocks(&mut self, allowed: bool) {
+        self.small_blocks = allowed;
+    }
+
+    /// Whether the payload of the frame has small blocks.
+    pub fn has_small_blocks(&self) -> bool {
+        self.frame.small_blocks.in_use
+    }
+
+    /// Bytes that its small blocks take.
+    pub(super) fn block_bytes(&self) -> f64 {
+        let blocks = &self.frame.small_blocks;
+        if blocks.in_use { blocks.bits() / 8.0 } else { 0.0 }
+    }
+
+    /// Chooses what is predicted from the render as a step needs it, if blocks may be small.
+    pub fn choose_blocks(&mut self, step: Step) {
+        if self.small_blocks {
+            self.frame.step = step;
+            self.chooser.choose(&mut self.frame, &mut self.difference);
+        }
     }
 
     /// Sets which parts of the picture count more, from here on.
@@ -118,14 +149,23 @@ impl WaveletEncoder {
             _ => Pays::No,
         };
         coded.is_inter = pays != Pays::No;
-        blocks::choose(coded, difference);
+        coded.predict_all();
+        if !self.small_blocks {
+            blocks::choose(coded, difference);
+            coded.weigh();
+        }
         pays
     }
 
     /// Predicts all blocks of the frame from the render, even if it is of no use there. Returns whether a block
     /// changes.
     pub(super) fn predict_all(&mut self) -> bool {
-        blocks::predict_all(&mut self.frame, &mut self.difference)
+        if self.has_small_blocks() {
+            return take_back(&mut self.frame, &mut self.difference);
+        }
+        let changes = blocks::predict_all(&mut self.frame, &mut self.difference);
+        self.frame.predict_all();
+        changes
     }
 
     /// A rough model of the frame, coded.
@@ -189,7 +229,7 @@ impl WaveletEncoder {
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let max = bytes.capacity();
         let mut encoder = RangeEncoder::new(bytes, max);
-        header.write(&frame.predicted, &mut encoder);
+        header.write(&frame.predicted, &frame.small_blocks, &mut encoder);
         if let Some(inter) = frame.inter_in_use() {
             inter.write(&mut encoder);
         }

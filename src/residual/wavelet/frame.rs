@@ -6,17 +6,22 @@ use super::geometry::{Band, Geometry, Orientation};
 use super::inter::Inter;
 use super::lifting::Scratch;
 use super::render::RenderBands;
+use super::small_blocks::{FULL, SmallBlocks};
 use super::step::Step;
 
 /// All that a pass over a frame's coefficients looks at, and does not change.
 pub struct Frame {
     pub geometry: Geometry,
     pub render: RenderBands,
-    /// Whether the details of a block are predicted from the render: for each value of the coarsest low band, row by
-    /// row.
+    /// Whether the details of a block of 64×64 pixels are predicted from the render, if there are no small blocks: for
+    /// each value of the coarsest low band, row by row.
     pub predicted: Vec<bool>,
     /// The coarsest low band is predicted from the render, too; else from grey.
     pub low_predicted: bool,
+    /// What says more finely what is predicted from the render, if it is in use.
+    pub small_blocks: SmallBlocks,
+    /// How much of the render's coefficient is predicted at each place of a transformed plane, 0 to [`FULL`].
+    pub weights: Vec<u8>,
     /// Contexts look at the render: both sides hold the same one, byte for byte.
     pub sees_render: bool,
     pub step: Step,
@@ -37,6 +42,8 @@ impl Frame {
             render: RenderBands::new(&geometry),
             predicted: vec![true; columns * rows],
             low_predicted: true,
+            small_blocks: SmallBlocks::new(&geometry),
+            weights: vec![FULL; geometry.len()],
             sees_render: true,
             step: Step::new(0),
             inter: None,
@@ -62,11 +69,52 @@ impl Frame {
         self.render.set(&self.geometry, render, &mut self.scratch);
     }
 
-    /// Whether a coefficient is predicted from the render.
-    pub fn is_predicted(&self, band: &Band, x: usize, y: usize) -> bool {
-        match band.orientation {
-            Orientation::Low => self.low_predicted,
-            _ => self.predicted[self.geometry.block(band, x, y)],
+    /// Predicts all from the render.
+    pub fn predict_all(&mut self) {
+        self.predicted.fill(true);
+        self.low_predicted = true;
+        self.small_blocks.in_use = false;
+        self.weights.fill(FULL);
+    }
+
+    /// Whether all is predicted from the render.
+    pub fn is_all_predicted(&self) -> bool {
+        self.low_predicted && !self.has_blocks()
+    }
+
+    /// Whether the details of some blocks are not predicted from the render.
+    pub fn has_blocks(&self) -> bool {
+        self.small_blocks.in_use || self.predicted.contains(&false)
+    }
+
+    /// Whether a coefficient's block is predicted from the render with its details.
+    pub fn is_detailed(&self, band: &Band, x: usize, y: usize) -> bool {
+        if self.small_blocks.in_use {
+            self.weights[band.offset + y * self.geometry.width + x] == FULL
+        } else {
+            self.predicted[self.geometry.block(band, x, y)]
+        }
+    }
+
+    /// Sets the weights by what the blocks say.
+    pub fn weigh(&mut self) {
+        let Frame { geometry, weights, .. } = self;
+        if self.small_blocks.in_use {
+            self.small_blocks.weigh(geometry, weights);
+        }
+        for band in geometry.bands() {
+            if band.orientation != Orientation::Low && self.small_blocks.in_use {
+                continue;
+            }
+            for (y, row) in band.rows(geometry).enumerate() {
+                for (x, weight) in weights[row].iter_mut().enumerate() {
+                    let predicted = match band.orientation {
+                        Orientation::Low => self.low_predicted,
+                        _ => self.predicted[geometry.block(&band, x, y)],
+                    };
+                    *weight = if predicted { FULL } else { 0 };
+                }
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What a payload says first.
 
 use super::geometry::{Finest, MAX_LEVELS};
+use super::small_blocks::SmallBlocks;
 use super::step::Step;
 use crate::coder_tables::PLANES;
 use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
@@ -27,14 +28,17 @@ const LOW_PLAIN: Probability = 1 << 11;
 const SOME_BLOCKS: Probability = 1 << 12;
 
 impl Header {
-    /// Writes it, and which blocks are predicted.
-    pub fn write(&self, blocks: &[bool], encoder: &mut RangeEncoder) {
+    /// Writes it, and which blocks are predicted: the small ones, if they are in use.
+    pub fn write(&self, blocks: &[bool], small: &SmallBlocks, encoder: &mut RangeEncoder) {
         encoder.put(self.cut, CUT);
         encoder.put(!self.sees_render, BLIND);
         encoder.put(!self.low_predicted, LOW_PLAIN);
         put_number(encoder, u32::from(self.step.index()), 6);
         for level in self.finest {
             put_number(encoder, level as u32, 3);
+        }
+        if small.in_use {
+            return small.write(encoder);
         }
         let some = blocks.contains(&false);
         encoder.put(some, SOME_BLOCKS);
@@ -43,7 +47,11 @@ impl Header {
         }
     }
 
-    pub fn read(blocks: &mut [bool], decoder: &mut RangeDecoder) -> Option<Header> {
+    pub fn read(
+        blocks: &mut [bool],
+        small: &mut SmallBlocks,
+        decoder: &mut RangeDecoder,
+    ) -> Option<Header> {
         let cut = decoder.get(CUT)?;
         let sees_render = !decoder.get(BLIND)?;
         let low_predicted = !decoder.get(LOW_PLAIN)?;
@@ -53,7 +61,9 @@ impl Header {
             *level = get_number(decoder, 3)? as usize;
         }
         blocks.fill(true);
-        if decoder.get(SOME_BLOCKS)? {
+        if small.in_use {
+            small.read(decoder)?;
+        } else if decoder.get(SOME_BLOCKS)? {
             read_blocks(blocks, decoder)?;
         }
         Some(Header { cut, sees_render, step, finest, low_predicted })

@@ -1,7 +1,8 @@
 //! The wavelet coder: a coder of difference pictures that knows the render.
 //!
 //! The difference between camera picture and render is rotated to three planes (`colour`), divided into bands by a
-//! 9/7 wavelet of up to six levels (`lifting`), quantised with one step for all bands of unit norm (`step`), and
+//! 9/7 wavelet of up to six levels (`lifting`), and quantised with one step for all bands of unit norm (`step`). Where
+//! the render's details are of no use, small blocks leave them out of the prediction (`small_blocks`). Coefficients are
 //! coded from coarse to fine (`pass`) by a binary range coder (`src/range_coder.rs`). A small network (`network`)
 //! gives each bit's chance. It looks at coefficients coded before, at the decoded coarser picture, and at the
 //! render's own bands (`context`). All of it is integers: encoder and decoder agree on every processor.
@@ -31,10 +32,12 @@ mod quantised;
 mod rate;
 mod render;
 mod render_value;
+mod small_blocks;
+mod small_blocks_choice;
 mod step;
 pub mod training;
 
-pub use decoder::WaveletDecoder;
+pub use decoder::{Payload, WaveletDecoder};
 pub use encoder::WaveletEncoder;
 pub use geometry::Planes;
 pub(super) use lifting::FRACTION;

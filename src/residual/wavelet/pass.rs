@@ -12,6 +12,7 @@ use super::geometry::{Band, Finest, Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::predictor::{MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::Quantised;
+use super::small_blocks::left_out;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::networks::FEATURE_PLACES;
 
@@ -132,7 +133,7 @@ impl Pass {
         if frame.geometry.levels > 0 {
             self.join(frame, predictor, 1, gains);
         }
-        if !frame.low_predicted || frame.predicted.contains(&false) {
+        if !frame.is_all_predicted() {
             self.take_out_render(frame);
         }
     }
@@ -238,13 +239,9 @@ impl Pass {
     fn take_out_render(&mut self, frame: &Frame) {
         let geometry = &frame.geometry;
         for (plane, decoded) in self.decoded.iter_mut().enumerate() {
-            for band in geometry.bands() {
-                for (y, place) in band.rows(geometry).enumerate() {
-                    let render = &frame.render.planes[plane][place.clone()];
-                    for (x, (to, render)) in self.taken[place].iter_mut().zip(render).enumerate() {
-                        *to = if frame.is_predicted(&band, x, y) { 0 } else { *render };
-                    }
-                }
+            let render = frame.render.planes[plane].iter().zip(&frame.weights);
+            for (to, (render, weight)) in self.taken.iter_mut().zip(render) {
+                *to = left_out(*render, *weight);
             }
             for level in (0..geometry.levels).rev() {
                 lifting::inverse(

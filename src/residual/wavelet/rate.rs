@@ -12,6 +12,7 @@ use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
 use super::geometry::Planes;
 use super::inter::Pays;
+use super::step::Step;
 use crate::coder_tables::Tables;
 
 /// Most codings of a search. A frame with a tight budget may have two searches.
@@ -24,6 +25,10 @@ const REFERENCE_BYTES: f64 = 2.0;
 const WORTH_INTER: f64 = 0.02;
 /// Payloads up to this length are also coded with the whole frame predicted from the render (docs/decisions.md, 26).
 const TIGHT: usize = 160;
+/// Small blocks of such payloads are chosen at this step: no byte more or less makes them others.
+const TIGHT_STEP: u8 = 48;
+/// Blocks are chosen again if the step is further than so many eighths of an octave from where they were chosen.
+const NEAR: u8 = 2;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
 
@@ -85,6 +90,7 @@ impl Trials {
 /// A payload, and what it shows.
 struct Coding {
     payload: Vec<u8>,
+    small_blocks: bool,
     reconstruction: Picture,
     psnr: f64,
 }
@@ -93,6 +99,7 @@ impl Coding {
     fn new(width: u32, height: u32) -> Coding {
         Coding {
             payload: Vec::with_capacity(super::super::max_payload_len(width, height)),
+            small_blocks: false,
             reconstruction: Picture::new(width, height),
             psnr: f64::NEG_INFINITY,
         }
@@ -134,7 +141,11 @@ impl RateEncoder {
         if matches!(rate, Rate::Psnr(target) if plain >= target) {
             return RateResult { content: Content::NotNeeded, reached: true, probes: 0 };
         }
-        let overhead = overhead + self.set(frame, render, rate, source);
+        let of_payload = match rate {
+            Rate::Bytes(budget) => Rate::Bytes(max_payload(budget.saturating_sub(overhead))),
+            other => other,
+        };
+        let overhead = overhead + self.set(frame, render, of_payload, source);
         let (coded, reached) = match rate {
             Rate::Quality(quality) => {
                 self.choose(Fineness::of_quality(quality));
@@ -159,6 +170,11 @@ impl RateEncoder {
         RateResult { content: Content::payload_if(coded), reached, probes: self.probes }
     }
 
+    /// Sets whether payloads may have small blocks, from the next frame on.
+    pub fn allow_small_blocks(&mut self, allowed: bool) {
+        self.encoder.allow_small_blocks(allowed);
+    }
+
     /// Sets which parts of the picture count more, from here on.
     pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         self.encoder.set_interest(interest);
@@ -166,36 +182,38 @@ impl RateEncoder {
 
     /// What was coded, the picture that it makes, and its PSNR, dB.
     pub fn coded(&self) -> (Residual<'_>, &Picture, f64) {
-        let Coding { payload, reconstruction, psnr } = &self.best;
+        let Coding { ref payload, small_blocks, ref reconstruction, psnr } = self.best;
+        let stream = |reference| Residual::Stream { reference, small_blocks, payload };
         let residual = match self.kind {
-            FrameKind::AllIntra => Residual::Coded { coder: Coder::Wavelet, payload },
-            FrameKind::Intra => Residual::Stream { reference: None, payload },
-            FrameKind::Inter(reference) => Residual::Stream { reference: Some(reference), payload },
+            FrameKind::AllIntra => Residual::Coded { coder: Coder::wavelet(small_blocks), payload },
+            FrameKind::Intra => stream(None),
+            FrameKind::Inter(reference) => stream(Some(reference)),
         };
-        (residual, reconstruction, *psnr)
+        (residual, reconstruction, psnr)
     }
 
-    /// Takes a frame, and chooses whether it is inter. Returns the bytes that a stream's frame takes more.
+    /// Takes a frame, and chooses whether it is inter. `rate`: of its payload. Returns the bytes that a frame of a
+    /// stream takes more.
     fn set(&mut self, frame: &Picture, render: &Picture, rate: Rate, source: InterSource) -> usize {
         let (reference, warped) = match source {
             FrameKind::AllIntra => {
-                self.encoder.set(frame, render, self.portable);
+                self.take(frame, render, None, rate);
                 return 0;
             }
             FrameKind::Intra => (None, None),
             FrameKind::Inter((reference, warped)) => (Some(reference), Some(warped)),
         };
-        let mut pays = self.encoder.set_inter(frame, render, self.portable, warped);
+        let mut pays = self.take(frame, render, warped, rate);
         if pays != Pays::No {
             let is_inter = self.trials.answer(pays).unwrap_or_else(|| {
                 let is_inter = self.is_better_inter(frame, render, rate);
                 self.trials.learn(pays, is_inter);
                 // The trial ended with the frame alone.
-                self.encoder.set_inter(frame, render, self.portable, warped);
+                self.take(frame, render, warped, rate);
                 is_inter
             });
             if !is_inter {
-                self.encoder.set(frame, render, self.portable);
+                self.take(frame, render, None, rate);
                 pays = Pays::No;
             }
         }
@@ -204,22 +222,53 @@ impl RateEncoder {
         Reference::encoded_len(reference)
     }
 
+    /// Sets the encoder to a frame, and chooses its blocks for about the step that the rate asks for.
+    fn take(
+        &mut self,
+        frame: &Picture,
+        render: &Picture,
+        warped: Option<&Planes>,
+        rate: Rate,
+    ) -> Pays {
+        let pays = self.encoder.set_inter(frame, render, self.portable, warped);
+        if matches!(rate, Rate::Bytes(room) if room <= TIGHT) {
+            self.encoder.choose_blocks(Step::new(TIGHT_STEP));
+            return pays;
+        }
+        let mut before = None;
+        // Blocks that are plain leave less to code, and so bring the step down.
+        for _ in 0..2 {
+            let step = self.guess(rate).step();
+            if before.is_none_or(|before: Step| before.index().abs_diff(step.index()) > NEAR) {
+                self.encoder.choose_blocks(step);
+            }
+            before = Some(step);
+        }
+        pays
+    }
+
     /// Codes the frame that was set both ways.
     fn is_better_inter(&mut self, frame: &Picture, render: &Picture, rate: Rate) -> bool {
         let fineness = self.guess(rate);
         let inter = self.price(frame, render, fineness) + 8.0 * REFERENCE_BYTES;
-        self.encoder.set(frame, render, self.portable);
+        self.take(frame, render, None, rate);
         let alone = self.price(frame, render, fineness);
         let worth_it = WORTH_INTER * 8.0 * self.trial.payload.len() as f64;
         inter + worth_it < alone
     }
 
-    /// About how finely a rate asks for.
+    /// About how finely a payload's rate asks for.
     fn guess(&mut self, rate: Rate) -> Fineness {
+        if let Rate::Quality(quality) = rate {
+            return Fineness::of_quality(quality);
+        }
         let model = self.encoder.model();
         let first = match rate {
-            Rate::Quality(quality) => return Fineness::of_quality(quality),
-            Rate::Bytes(bytes) => Bracket::new(bytes as f64, |at| model.bytes(at)).next(),
+            Rate::Quality(_) => None,
+            Rate::Bytes(bytes) => {
+                let room = bytes as f64 - self.encoder.block_bytes();
+                Bracket::new(room.max(1.0), |at| model.bytes(at)).next()
+            }
             Rate::Psnr(target) => Bracket::new(target, |at| model.psnr(at)).next(),
         };
         first.unwrap_or(Fineness::of_quality(0.0))
@@ -253,6 +302,7 @@ impl RateEncoder {
 
     /// Writes what was chosen last. Whether a payload may be that long.
     fn write(&mut self, cut: bool) -> bool {
+        self.trial.small_blocks = self.encoder.has_small_blocks();
         self.encoder.write(cut, &mut self.trial.payload)
     }
 

@@ -108,7 +108,7 @@ impl Webp {
                 self.rebuilt = file;
                 decoded
             }
-            Coder::Wavelet => Err(OTHER_CODER),
+            Coder::Wavelet | Coder::SmallBlocks => Err(OTHER_CODER),
         }
     }
 
@@ -127,7 +127,7 @@ impl Webp {
                     .ok_or(NO_FRAME)?;
                 &self.rebuilt
             }
-            Coder::Wavelet => return Err(OTHER_CODER),
+            Coder::Wavelet | Coder::SmallBlocks => return Err(OTHER_CODER),
         };
         check_file(file, into)?;
         decode_rows(file, into.width, &mut into.data, &mut self.arena)

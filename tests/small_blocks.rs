@@ -1,0 +1,235 @@
+//! The wavelet coder with small blocks: what is predicted from the render is chosen block by block.
+
+use nvsprior::Picture;
+use nvsprior::coder_tables::Tables;
+use nvsprior::packet::{Coder, Residual, ResidualStart};
+use nvsprior::residual::{
+    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualError, ResidualSetup,
+};
+use proptest::prelude::*;
+
+const SIZE: (u32, u32) = (128, 72);
+
+/// A textured wall.
+fn wall(light: i32) -> Picture {
+    let mut picture = Picture::new(SIZE.0, SIZE.1);
+    for (i, value) in picture.data.iter_mut().enumerate() {
+        let (x, y) = (i as i32 / 3 % SIZE.0 as i32, i as i32 / 3 / SIZE.0 as i32);
+        let texture = (x * 7919 + y * 104_729) % 37 - 18;
+        let edge = if (x / 5 + y / 4) % 2 == 0 { 70 } else { 0 };
+        *value = ((60 + texture + edge + [0, 10, 25][i % 3]) * light / 100).clamp(0, 255) as u8;
+    }
+    picture
+}
+
+/// The wall as it is seen, with a smooth object in front of it, and its render.
+fn pair() -> (Picture, Picture) {
+    let mut frame = wall(97);
+    for (i, rgb) in frame.data.chunks_exact_mut(3).enumerate() {
+        let (x, y) = (i % SIZE.0 as usize, i / SIZE.0 as usize);
+        if (40..76).contains(&x) && (20..52).contains(&y) {
+            rgb.copy_from_slice(&[180, 40 + x as u8 / 4, 30]);
+        }
+    }
+    (frame, wall(100))
+}
+
+fn encoder(portable: bool, small_blocks: bool) -> ResidualEncoder {
+    let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+    let mut encoder = ResidualEncoder::new(&ResidualSetup { portable, ..setup });
+    encoder.allow_small_blocks(small_blocks);
+    encoder
+}
+
+fn decoder() -> ResidualDecoder {
+    ResidualDecoder::new(SIZE.0, SIZE.1, &Tables::generic())
+}
+
+fn coded(payload: &[u8]) -> Residual<'_> {
+    Residual::Coded { coder: Coder::SmallBlocks, payload }
+}
+
+/// A payload with small blocks, and what the encoder says that it shows.
+fn small(pair: &(Picture, Picture), rate: Rate, portable: bool) -> (Vec<u8>, Picture) {
+    let mut encoder = encoder(portable, true);
+    let coded = encoder.encode(&pair.0, &pair.1, rate, 0).unwrap();
+    match coded.residual {
+        Residual::Coded { coder: Coder::SmallBlocks, payload } => {
+            (payload.to_vec(), coded.reconstruction.clone())
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+fn decode(payload: &[u8], render: &Picture) -> Picture {
+    let mut shown = render.clone();
+    decoder().add(&coded(payload), true, &mut shown).expect("any payload gives a picture");
+    shown
+}
+
+#[test]
+fn what_is_new_takes_fewer_bytes() {
+    let (frame, render) = pair();
+    for target in [28.0, 31.0, 34.0] {
+        let len = |small_blocks: bool| {
+            let mut encoder = encoder(true, small_blocks);
+            let coded = encoder.encode(&frame, &render, Rate::Psnr(target), 0).unwrap();
+            assert!(coded.reached);
+            let Residual::Coded { coder, payload } = coded.residual else { panic!() };
+            assert_eq!(coder == Coder::SmallBlocks, small_blocks);
+            payload.len()
+        };
+        let (with, without) = (len(true), len(false));
+        assert!(with * 10 < without * 9, "{target} dB: {with} bytes, {without} without");
+    }
+}
+
+/// A scene as it was mapped pays nothing: its payloads are those without small blocks.
+#[test]
+fn where_nothing_is_new_payloads_are_as_without() {
+    let (frame, render) = (wall(92), wall(100));
+    for rate in [Rate::Quality(10.0), Rate::Quality(60.0), Rate::Bytes(200), Rate::Psnr(35.0)] {
+        let payload = |small_blocks: bool| {
+            let mut encoder = encoder(true, small_blocks);
+            let coded = encoder.encode(&frame, &render, rate, 0).unwrap();
+            match coded.residual {
+                Residual::Coded { coder: Coder::Wavelet, payload } => payload.to_vec(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(payload(true), payload(false), "{rate:?}");
+    }
+}
+
+#[test]
+fn the_decoder_shows_what_the_encoder_says() {
+    let pair = pair();
+    let rates = [
+        Rate::Quality(0.0),
+        Rate::Quality(100.0),
+        Rate::Bytes(400),
+        Rate::Bytes(90),
+        Rate::Psnr(30.0),
+    ];
+    for rate in rates {
+        for portable in [true, false] {
+            let (payload, shown) = small(&pair, rate, portable);
+            assert!(decode(&payload, &pair.1) == shown, "{rate:?} {portable}");
+        }
+    }
+}
+
+#[test]
+fn a_payload_cut_at_any_byte_gives_a_picture_that_grows_finer() {
+    let pair = pair();
+    let (frame, render) = &pair;
+    let (payload, _) = small(&pair, Rate::Quality(30.0), true);
+    let mut decoder = decoder();
+    let mut best = frame.psnr(render);
+    for len in 0..payload.len() {
+        let start = ResidualStart {
+            reference: None,
+            coder: Coder::SmallBlocks,
+            payload: &payload[..len],
+            payload_len: payload.len(),
+        };
+        let mut shown = render.clone();
+        assert_eq!(decoder.add_start(&start, true, &mut shown), Ok(SIZE.1));
+        let psnr = frame.psnr(&shown);
+        // The first bytes take the wrong details away; what stands there comes after.
+        assert!(psnr > best - 1.5, "{len} of {} bytes: {psnr} after {best}", payload.len());
+        best = best.max(psnr);
+    }
+    assert!(frame.psnr(&decode(&payload, render)) > best - 0.1);
+}
+
+#[test]
+fn another_render_is_refused_if_it_is_looked_at() {
+    let pair = pair();
+    let (seen, _) = small(&pair, Rate::Quality(30.0), true);
+    let mut shown = pair.1.clone();
+    let refused = decoder().add(&coded(&seen), false, &mut shown);
+    assert_eq!(refused, Err(ResidualError::OtherRender));
+    assert!(shown == pair.1);
+    let (blind, _) = small(&pair, Rate::Quality(30.0), false);
+    assert_eq!(decoder().add(&coded(&blind), false, &mut shown), Ok(()));
+}
+
+/// Check sums of payload and picture are the same on every processor.
+#[test]
+fn payloads_and_pictures_are_the_same_on_every_processor() {
+    let pair = pair();
+    let rates = [
+        (Rate::Quality(10.0), true),
+        (Rate::Quality(70.0), true),
+        (Rate::Quality(40.0), false),
+        (Rate::Bytes(150), true),
+        (Rate::Psnr(31.0), true),
+    ];
+    let made = rates.map(|(rate, portable)| {
+        let (payload, _) = small(&pair, rate, portable);
+        let crc = |bytes: &[u8]| crc32fast::hash(bytes);
+        (payload.len(), crc(&payload), crc(&decode(&payload, &pair.1).data))
+    });
+    assert_eq!(made, GOLDEN);
+}
+
+/// Length of the payload, its check sum, the picture's.
+const GOLDEN: [(usize, u32, u32); 5] = [
+    (208, 2_837_692_825, 2_785_377_942),
+    (1643, 4_156_939_055, 307_364_342),
+    (553, 1_485_035_088, 1_478_370_582),
+    (143, 2_709_862_346, 2_626_676_104),
+    (99, 1_225_983_186, 2_024_214_727),
+];
+
+proptest! {
+    #[test]
+    fn any_bytes_give_a_picture(bytes in proptest::collection::vec(any::<u8>(), 0..200), cut: bool) {
+        let (_, render) = pair();
+        let mut shown = render.clone();
+        if cut {
+            let start = ResidualStart {
+                coder: Coder::SmallBlocks,
+                reference: None,
+                payload: &bytes,
+                payload_len: 1000,
+            };
+            prop_assert!(decoder().add_start(&start, true, &mut shown).is_ok());
+        } else {
+            decode(&bytes, &render);
+        }
+    }
+
+    #[test]
+    fn any_flipped_bits_give_a_picture(at in any::<prop::sample::Index>(), mask in 1_u8..) {
+        let pair = pair();
+        let (mut payload, _) = small(&pair, Rate::Quality(10.0), true);
+        let at = at.index(payload.len());
+        payload[at] ^= mask;
+        decode(&payload, &pair.1);
+    }
+
+    #[test]
+    fn pictures_of_any_size_come_back(
+        width in 1_u32..40,
+        height in 1_u32..40,
+        seed: u8,
+        quality in 0.0_f32..100.0,
+    ) {
+        let picture = |add: usize| {
+            let mut picture = Picture::new(width, height);
+            let value = |i: usize| (i * (7 + 31 * add) + usize::from(seed)) % 251;
+            picture.data.iter_mut().enumerate().for_each(|(i, to)| *to = value(i) as u8);
+            picture
+        };
+        let (frame, render) = (picture(0), picture(1));
+        let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+        let mut encoder = ResidualEncoder::new(&setup);
+        let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
+        let mut shown = render.clone();
+        let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
+        decoder.add(&coded.residual, true, &mut shown).unwrap();
+        prop_assert!(shown == *coded.reconstruction);
+    }
+}
