@@ -33,6 +33,7 @@ mod render;
 mod render_value;
 mod step;
 pub mod training;
+mod weights;
 
 pub use decoder::WaveletDecoder;
 pub use encoder::WaveletEncoder;
