@@ -15,6 +15,7 @@ pub mod posed;
 pub mod run_writer;
 pub mod sheet;
 pub mod structure;
+pub mod tune;
 pub mod undistort;
 pub mod values;
 pub mod video;

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::Residual;
 use nvsprior::render::Scene;
-use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{
+    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
+};
 
 use super::{CodedRun, Input, Mode, Point, Run, timed};
 
@@ -68,7 +70,7 @@ impl Own {
         let Own { coder, portable, .. } = *self;
         let (width, height) = (run.frames[0].width, run.frames[0].height);
         let tables = self.tables.clone();
-        let setup = ResidualSetup { width, height, coder, tables, portable };
+        let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
         let mut outcome = CodedRun::new(setting(rate));
