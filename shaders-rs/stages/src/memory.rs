@@ -19,8 +19,8 @@ pub fn at_mut<T, B: IndexUnchecked<T> + ?Sized>(buffer: &mut B, i: u32) -> &mut 
 /// A buffer of pairs of floats. As words of 64 bits a pair is one access: llvmpipe pays by
 /// accesses, a GPU by bytes.
 pub trait Pairs {
-    /// Loops over harmonics are written out: on llvmpipe an array that a loop reads lies in memory. On a GPU all that is
-    /// written out is loaded at once, and takes the registers.
+    /// Loops over harmonics are written out: on llvmpipe an array that a loop reads lies in memory. On a GPU all that
+    /// is written out is loaded at once, and takes the registers.
     const WRITTEN_OUT: bool;
 
     /// Pair `i`, which must exist.
