@@ -6,6 +6,7 @@ mod inputs;
 mod memory;
 mod report;
 mod saved;
+mod shown;
 mod structure;
 mod video;
 

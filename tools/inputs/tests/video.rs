@@ -7,9 +7,11 @@ use std::path::Path;
 
 use making::{Making, PAN, decoders, pan, rotate, shade};
 use nvsprior::image::Converter;
+use nvsprior_inputs::locked_folder::FolderError;
+use nvsprior_inputs::progress::Progress;
 use nvsprior_inputs::video::{
-    ChoiceOptions, Decoder, DecoderChoice, Ended, FrameSize, Progress, Record, Video, VideoError,
-    VideoFrame, frames_for_mapping, rgb,
+    ChoiceOptions, Decoder, DecoderChoice, Ended, FrameSize, Record, Video, VideoError, VideoFrame,
+    frames_for_mapping, rgb,
 };
 
 fn choice(decoder: Decoder) -> DecoderChoice {
@@ -136,7 +138,7 @@ fn choose(making: &Making, videos: &[&str], options: &ChoiceOptions) -> (Record,
     let videos: Vec<_> = videos.iter().map(|name| making.path(name)).collect();
     let mut notes = Vec::new();
     let chosen = frames_for_mapping(&videos, &making.path("frames"), options, &mut |progress| {
-        if let Progress::Note(note) = progress {
+        if let Progress::Warns(note) = progress {
             notes.push(note);
         }
     });
@@ -214,7 +216,7 @@ fn a_folder_of_frames_is_kept_until_something_changes() {
     making.write("mine/notes.txt", b"mine");
     let error =
         frames_for_mapping(&[making.path("pan.mp4")], &making.path("mine"), &options, &mut |_| {});
-    assert!(matches!(error, Err(VideoError::Foreign { .. })), "{error:?}");
+    assert!(matches!(error, Err(VideoError::Folder(FolderError::Foreign { .. }))), "{error:?}");
 }
 
 #[test]

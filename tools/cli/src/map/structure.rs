@@ -2,22 +2,19 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::ValueEnum;
-use indicatif::ProgressBar;
-use nvsprior_inputs::args::progress;
 use nvsprior_inputs::navigation;
 use nvsprior_inputs::posed::PosedPictures;
 use nvsprior_inputs::structure::{
-    DEPTH, Finder, Lenses, Matching, Navigation, Progress, Step, Structure, StructureOptions,
-    find_poses,
+    DEPTH, Finder, Lenses, Matching, Navigation, Structure, StructureOptions, find_poses,
 };
 
 use nvsprior_inputs::values;
 
 use super::report::Poses;
 use super::saved::beside;
+use super::shown::Shown;
 use super::video::Unposed;
 
 /// Which pictures to find poses of, and how.
@@ -168,43 +165,6 @@ pub struct Search<'a> {
     /// Width of the pictures that are trained on; `None`: as they are.
     pub width: Option<u32>,
     pub seed: u64,
-}
-
-const BAR: f64 = 1000.0;
-
-/// The steps on standard error: a line each, and a bar while one runs.
-#[derive(Default)]
-struct Shown {
-    running: Option<(Instant, ProgressBar)>,
-}
-
-impl Shown {
-    fn show(&mut self, progress: Progress) {
-        match progress {
-            Progress::Says(text) => eprintln!("{text}"),
-            Progress::Begins(step) => {
-                eprintln!("{} …", step.name());
-                self.running = Some((Instant::now(), bar(step)));
-            }
-            Progress::WasDone(step) => eprintln!("{}: done before", step.name()),
-            Progress::At(share) => {
-                if let Some((_, bar)) = &self.running {
-                    bar.set_position((share * BAR) as u64);
-                }
-            }
-            Progress::Ends(step) => {
-                if let Some((start, bar)) = self.running.take() {
-                    bar.finish_and_clear();
-                    let seconds = start.elapsed().as_secs();
-                    eprintln!("{}: done in {seconds} s", step.name());
-                }
-            }
-        }
-    }
-}
-
-fn bar(step: Step) -> ProgressBar {
-    progress(BAR as usize, step.name())
 }
 
 /// In what unit and axes the poses are.

@@ -8,9 +8,8 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use nvsprior::{Pose, Prior};
 use nvsprior_basin::{Conditions, Site, mapping_run};
-use nvsprior_inputs::structure::{
-    DEPTH, Finder, Lenses, Matching, Progress, StructureOptions, find_poses,
-};
+use nvsprior_inputs::progress::Progress;
+use nvsprior_inputs::structure::{DEPTH, Finder, Lenses, Matching, StructureOptions, find_poses};
 
 use crate::dive::{Dive, Run, save};
 use crate::scene::pose;

@@ -10,13 +10,12 @@ use nvsprior::image::Converter;
 
 use super::analysis::{Analysis, Facts, WIDTH};
 use super::decoder::{DecoderChoice, FrameSize};
-use super::folder::{
-    Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, decoder_name, folder_name,
-};
+use super::folder::{Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, folder_name};
 use super::frame::{VideoFrame, rgb};
 use super::reader::{Ended, VideoReader};
 use super::select::{Break, Cause, Overlap, Selection, select};
 use super::{Video, VideoError};
+use crate::progress::{Progress, Watch};
 
 /// What is wanted of the frames.
 #[derive(Clone, Copy, Debug)]
@@ -34,37 +33,6 @@ impl Default for ChoiceOptions {
         ChoiceOptions { decoder: DecoderChoice::Auto, overlap: 0.7, most: None }
     }
 }
-
-/// What a run says of itself.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Progress<'a> {
-    /// A video was found to be one.
-    Opened(&'a Video),
-    /// Something that its user should know.
-    Note(String),
-    /// Work begins on a video: to look for its frames, or to write them.
-    Begins(Step, &'a Video),
-    /// Share of it that is done, if its length is known.
-    At(Option<f64>),
-    Ends,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    Choose,
-    Write,
-}
-
-impl Step {
-    pub fn name(self) -> &'static str {
-        match self {
-            Step::Choose => "choosing frames",
-            Step::Write => "writing frames",
-        }
-    }
-}
-
-type Watch<'a> = &'a mut dyn FnMut(Progress);
 
 /// JPEG's quality: it takes away less than the video's coder has, and PNG takes several times the disk.
 const QUALITY: u8 = 95;
@@ -97,7 +65,7 @@ pub fn frames_for_mapping(
     let mut opened = Vec::new();
     for path in videos {
         let video = Video::open(path, options.decoder)?;
-        watch(Progress::Opened(&video));
+        describe(&video, watch);
         opened.push(video);
     }
     let mut folder = Folder::open(folder)?;
@@ -109,6 +77,26 @@ pub fn frames_for_mapping(
     Ok(folder.record.clone())
 }
 
+/// Tells what is known of a video.
+fn describe(video: &Video, watch: Watch) {
+    let (name, header) = (video.name(), &video.header);
+    let length = video.duration.map_or("unknown length".into(), |length| format!("{length:.1} s"));
+    watch(Progress::Says(format!("{name}: {}×{}, {length}", header.width, header.height)));
+    watch(Progress::Says(format!("  {}", video.command)));
+    if header.high_dynamic_range {
+        watch(Progress::Warns(format!(
+            "{name}: high dynamic range (PQ or HLG) is taken as it is, so pictures look pale; a video of standard \
+             range suits better"
+        )));
+    }
+    if !video.others.is_empty() {
+        watch(Progress::Says(format!(
+            "{name}: other tracks are left alone: {}; the time stamps in frames.json join them later",
+            video.others.join(", ")
+        )));
+    }
+}
+
 /// What was found out of a video.
 struct Found {
     facts: Vec<Facts>,
@@ -118,7 +106,7 @@ struct Found {
 
 /// Decodes a video at a small size, and judges its frames.
 fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
-    watch(Progress::Begins(Step::Choose, video));
+    watch(Progress::Begins(format!("{}: choosing frames", video.name())));
     let mut reader = video.read(FrameSize::AtMost(WIDTH))?;
     let header = *reader.header();
     let mut analysis = Analysis::default();
@@ -130,7 +118,7 @@ fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
     watch(Progress::Ends);
     let notes = cut_off(video, &reader, facts.last());
     for note in &notes {
-        watch(Progress::Note(note.clone()));
+        watch(Progress::Warns(note.clone()));
     }
     Ok(Found { facts, aspect: f64::from(header.height) / f64::from(header.width), notes })
 }
@@ -171,14 +159,14 @@ fn write(
         let mut notes = found.notes.clone();
         let blurred = blurred.then(|| format!("{}: {BLURRED}", video.name()));
         for note in breaks.iter().map(|of| told(video, of)).chain(blurred) {
-            watch(Progress::Note(note.clone()));
+            watch(Progress::Warns(note.clone()));
             notes.push(note);
         }
         let last = found.facts.last();
         records.push(VideoRecord {
             path: video.path.to_string_lossy().into_owned(),
             folder: folder_name(number, video),
-            decoder: decoder_name(video.decoder),
+            decoder: video.decoder.program().to_owned(),
             width: video.header.width,
             height: video.header.height,
             frames: last.map_or(0, |facts| facts.index + 1),
@@ -198,13 +186,13 @@ fn write(
         if missing > 0 {
             let name = video.name();
             let note = format!("{name}: {missing} chosen frames at its end cannot be read again");
-            watch(Progress::Note(note.clone()));
+            watch(Progress::Warns(note.clone()));
             folder.record.videos[number].notes.push(note);
         }
         folder.record.frames.extend(frames);
     }
     folder.record.finished = true;
-    folder.write()
+    Ok(folder.write()?)
 }
 
 /// Divides the most that is wanted by what each video would have without it.
@@ -239,7 +227,7 @@ fn write_video(
     selection: &Selection,
     watch: Watch,
 ) -> Result<Vec<FrameRecord>, VideoError> {
-    watch(Progress::Begins(Step::Write, video));
+    watch(Progress::Begins(format!("{}: writing frames", video.name())));
     let mut reader = video.read(WHOLE)?;
     let (width, height) = (reader.header().width, reader.header().height);
     let unreadable = |error: nvsprior::image::PixelError| VideoError::NoFrame {

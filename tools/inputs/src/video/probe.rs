@@ -1,13 +1,13 @@
 //! What is known of a video before it is decoded: its length, and its tracks.
 
-use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
+use std::process::Command;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use super::child::Running;
 use super::decoder::{Decoder, file_uri, protocol};
+use crate::child::Running;
 
 /// Between two looks at whether it fails.
 const LOOK: Duration = Duration::from_millis(500);
@@ -38,9 +38,9 @@ impl Probe {
 fn ffprobe(video: &Path) -> Option<Probe> {
     let words = "-v error -of json -show_entries \
         format=duration:stream=codec_type,codec_name,codec_tag_string,duration:stream_disposition=attached_pic";
-    let mut arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
-    arguments.push(protocol(video));
-    let (text, _) = said_by("ffprobe", &arguments, |_| false);
+    let mut command = Command::new("ffprobe");
+    command.args(words.split(' ')).arg(protocol(video));
+    let (text, _) = said_by(command, |_| false);
     parse_ffprobe(&text)
 }
 
@@ -91,10 +91,9 @@ fn gstreamer_once(video: &Path) -> (Probe, bool) {
         "-v --force-position urisourcebin uri={} ! parsebin ! fakesink sync=true",
         file_uri(video)
     );
-    let arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
-    let (text, ended) = said_by(Decoder::Gstreamer.program(), &arguments, |text| {
-        text.lines().any(|line| position(line).is_some())
-    });
+    let mut command = Command::new(Decoder::Gstreamer.program());
+    command.args(words.split(' '));
+    let (text, ended) = said_by(command, |text| text.lines().any(|line| position(line).is_some()));
     (parse_gstreamer(&text), ended)
 }
 
@@ -137,8 +136,8 @@ fn position(line: &str) -> Option<f64> {
 
 /// What a program says on standard output until it ends or fails, or `enough` has been said; and whether that was
 /// before patience ended.
-fn said_by(program: &str, arguments: &[OsString], enough: impl Fn(&str) -> bool) -> (String, bool) {
-    let Ok((mut running, mut output)) = Running::start(program, arguments) else {
+fn said_by(command: Command, enough: impl Fn(&str) -> bool) -> (String, bool) {
+    let Ok((mut running, mut output)) = Running::with_output(command) else {
         return (String::new(), true);
     };
     let (sender, pieces) = channel();

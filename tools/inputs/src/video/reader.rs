@@ -2,15 +2,15 @@
 
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::process::ChildStdout;
+use std::process::{ChildStdout, Command};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::VideoError;
-use super::child::Running;
 use super::decoder::{Decoder, FrameSize};
 use super::frame::{Layout, VideoFrame};
 use super::matroska::{Header, Matroska};
+use crate::child::{Running, shown};
 
 /// Frames that wait between the program and this one.
 const WAITING: usize = 4;
@@ -77,22 +77,22 @@ impl VideoReader {
         size: FrameSize,
         patience: Duration,
     ) -> Result<VideoReader, VideoError> {
-        let arguments = decoder.arguments(path, size);
         let program = decoder.program();
-        let started = Running::start(program, &arguments);
+        let mut command = Command::new(program);
+        command.args(decoder.arguments(path, size));
+        let shown = shown(&command);
+        let started = Running::with_output(command);
         let (running, output) = started.map_err(|error| match error.kind() {
             ErrorKind::NotFound => VideoError::NotInstalled { decoder },
             _ => VideoError::File { path: program.into(), error },
         })?;
         let (sender, messages) = sync_channel(WAITING);
         std::thread::spawn(move || read(output, decoder, &sender));
-        let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
-        let command = format!("{program} {}", words.join(" "));
         let header =
             Header { width: 0, height: 0, colour: Default::default(), high_dynamic_range: false };
         let path = path.to_path_buf();
         let mut reader =
-            VideoReader { path, decoder, command, messages, running, header, ended: None };
+            VideoReader { path, decoder, command: shown, messages, running, header, ended: None };
         match reader.message(patience)? {
             Some(Message::Header(header)) => reader.header = header,
             first => return Err(reader.no_frame(first)),
