@@ -7,6 +7,7 @@ pub mod args;
 pub mod camera_file;
 mod child;
 pub mod colmap;
+pub mod estimate;
 pub mod frame_file;
 pub mod input;
 pub mod locked_folder;

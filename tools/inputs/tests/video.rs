@@ -109,6 +109,36 @@ fn odd_sizes_and_wide_pixels_are_read_and_reduced() {
 }
 
 #[test]
+fn frames_that_are_asked_for_are_those_of_the_whole_video() {
+    let making = Making::new();
+    let steady = making.video("steady.mkv", (0..230).map(|i| shade(64, 36, i % 20)), 10.0);
+    let whole = std::fs::read(&steady).unwrap();
+    making.write("short.mkv", &whole[..whole.len() * 7 / 10]);
+    let times = "if(lt(N,10),N/10,N*0.3-2)/TB";
+    let varies = making.uneven(&making.path("steady.mp4"), "varies.mkv", times);
+    for video in [steady, rotate(&making.path("steady.mp4"), 90), varies, making.path("short.mkv")]
+    {
+        for decoder in decoders() {
+            let (all, ended) = all_frames(&video, decoder, FrameSize::Full);
+            let asked = [3, 4, 57, 110, 225];
+            let opened = Video::open(&video, choice(decoder)).unwrap();
+            let mut reader = opened.read_some(FrameSize::Full, &asked).unwrap();
+            let mut some = Vec::new();
+            while let Some(frame) = reader.next_frame().unwrap() {
+                some.push(frame);
+            }
+            for number in asked.into_iter().filter(|number| *number < all.len()) {
+                let frame = some.iter().find(|frame| frame.time == all[number].time).unwrap();
+                assert!(frame.luma() == all[number].luma(), "{decoder:?} {video:?} {number}");
+            }
+            assert_eq!(reader.ended(), Some(&ended), "{video:?}");
+            let few = some.len() <= asked.len() + 3;
+            assert!(few || decoder == Decoder::Gstreamer, "{} of {}", some.len(), all.len());
+        }
+    }
+}
+
+#[test]
 fn what_is_no_video_is_told() {
     let making = Making::new();
     let open = |name: &str, decoder| Video::open(&making.path(name), choice(decoder));

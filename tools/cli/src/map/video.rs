@@ -7,6 +7,7 @@ use nvsprior_inputs::video::{ChoiceOptions, DecoderChoice, Record, frames_for_ma
 
 use super::saved::beside;
 use super::shown::Shown;
+use super::structure::{Search, Unposed};
 
 /// Which frames of a video.
 #[derive(clap::Args)]
@@ -29,13 +30,6 @@ pub enum Given {
     Nothing,
     Folder(PathBuf),
     Videos(Vec<PathBuf>),
-}
-
-/// Pictures without poses.
-pub struct Unposed {
-    pub folder: PathBuf,
-    /// They are frames of a video, in the order of time.
-    pub sequence: bool,
 }
 
 impl VideoArgs {
@@ -65,16 +59,21 @@ impl VideoArgs {
         }
     }
 
-    /// The folder of pictures; of videos, after their frames were chosen into one beside `out`.
-    pub fn pictures(&self, given: Given, out: &Path) -> anyhow::Result<Option<Unposed>> {
+    /// The folder of pictures; of videos, after their frames were chosen into one beside the prior.
+    pub fn pictures(&self, given: Given, how: &Search) -> anyhow::Result<Option<Unposed>> {
         let videos = match given {
             Given::Nothing => return Ok(None),
             Given::Folder(folder) => return Ok(Some(Unposed { folder, sequence: false })),
             Given::Videos(videos) => videos,
         };
-        let folder = beside(out, ".frames");
+        let folder = beside(how.out, ".frames");
         let overlap = f64::from(self.overlap) / 100.0;
-        let options = ChoiceOptions { decoder: self.decoder, overlap, most: self.frames };
+        let options = ChoiceOptions {
+            decoder: self.decoder,
+            overlap,
+            most: self.frames,
+            matched: how.matched(),
+        };
         let mut shown = Shown::default();
         let record =
             frames_for_mapping(&videos, &folder, &options, &mut |progress| shown.show(progress))?;

@@ -64,6 +64,11 @@ impl Program {
         }
     }
 
+    /// What it is, for messages.
+    pub fn name(&self) -> &'static str {
+        if self.script.is_some() { "pycolmap" } else { "COLMAP" }
+    }
+
     /// The first line of its help.
     pub fn version(&self) -> &str {
         self.help.lines().next().unwrap_or_default().trim()
@@ -111,8 +116,8 @@ impl Program {
         if status.success() {
             return Ok(());
         }
-        let (command, last, log) = (arguments[0].clone(), last.text(), place.log());
-        Err(StructureError::Step { command, ended: Ended(status), last, log })
+        let (program, command, log) = (self.name(), arguments[0].clone(), place.log());
+        Err(StructureError::Step { program, command, ended: Ended(status), last: last.text(), log })
     }
 
     /// A command without a window.

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::colmap::ColmapModel;
+use crate::estimate::PoseEstimate;
 use crate::locked_folder::LockedFolder;
 use crate::progress::{Progress, Watch};
 
-use super::estimate::Estimate;
 use super::pictures::Listed;
 use super::program::{GLOBAL, Program, mapped, registered, share};
 use super::record::{Record, Standing};
@@ -85,29 +85,29 @@ impl Workplace {
             true => Vec::new(),
             false => self.look(listed, options, watch)?,
         };
-        let mut estimate = Estimate::new(listed, options, &pairs);
+        let pictures = listed.names.len();
+        let mut estimate = PoseEstimate::new(pictures, pairs.len(), listed.widest, options.size);
         if !pairs.is_empty() {
-            watch(Progress::Says(estimate.text(Step::Features)));
+            watch(Progress::Says(estimate.text()));
         }
         self.step((0, Step::Features), program, &features, watch, |place, watch| {
             place.command(program, &features, |line| tell(share(line), watch))
         })?;
         if !pairs.is_empty() {
-            estimate.took(Step::Features, self.record.seconds(0));
-            watch(Progress::Says(estimate.text(Step::Matches)));
+            estimate.features_took(self.record.seconds(0));
+            watch(Progress::Says(estimate.text()));
         }
         self.step((1, Step::Matches), program, &matches, watch, |place, watch| {
             let list = place.path.join(pairs_file(options.matching));
             place.compare(program, &matches, (listed, &list), &pairs, watch)
         })?;
         let mapper = mapper(program, listed, options);
-        let pictures = listed.names.len() as f64;
         self.step((2, Step::Mapper), program, &mapper, watch, |place, watch| {
-            let share = |line: &str| registered(line).map(|count| count as f64 / pictures);
+            let share = |line: &str| registered(line).map(|count| count as f64 / pictures as f64);
             let done = place.command(program, &mapper, |line| {
                 tell(mapped(line).or_else(|| share(line)), watch);
             });
-            done.or_else(|error| place.no_model(error))?;
+            done.or_else(|error| place.no_model(program, error))?;
             place.rename_models()
         })?;
         Ok((0..3).map(|step| self.record.seconds(step)).sum())
@@ -249,14 +249,14 @@ impl Workplace {
     }
 
     /// A mapper fails with exit code 1 if it makes no model: that needs other words.
-    fn no_model(&self, error: StructureError) -> Result<(), StructureError> {
+    fn no_model(&self, program: &Program, error: StructureError) -> Result<(), StructureError> {
         let code = match &error {
             StructureError::Step { ended, .. } => ended.code(),
             _ => None,
         };
         let mut made = std::fs::read_dir(self.path.join(SPARSE_PART)).into_iter().flatten();
         match code == Some(1) && made.next().is_none() {
-            true => Err(StructureError::NoModel { log: self.log() }),
+            true => Err(StructureError::NoModel { program: program.name(), log: self.log() }),
             false => Err(error),
         }
     }

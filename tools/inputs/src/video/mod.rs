@@ -4,6 +4,7 @@ mod analysis;
 mod decoder;
 mod encoder;
 mod error;
+mod estimate;
 mod folder;
 mod frame;
 mod mapping;

@@ -55,15 +55,19 @@ pub struct VideoReader {
 }
 
 impl VideoReader {
-    /// Starts the program, and waits for what it says of the frames. `path` is absolute.
+    /// Starts the program, and waits for what it says of the frames. `path` is absolute. `frames`: the numbers of those
+    /// that are wanted, or none if all are.
     pub fn start(
         path: &Path,
         decoder: Decoder,
         size: FrameSize,
+        frames: &[usize],
     ) -> Result<VideoReader, VideoError> {
         let mut last = Err(VideoError::NoDecoder);
         for patience in FIRST {
-            last = VideoReader::try_start(path, decoder, size, patience);
+            let mut command = Command::new(decoder.program());
+            command.args(decoder.arguments(path, size, frames));
+            last = VideoReader::try_start(path, decoder, command, patience);
             if !matches!(last, Err(VideoError::Hangs { .. })) {
                 break;
             }
@@ -74,17 +78,14 @@ impl VideoReader {
     fn try_start(
         path: &Path,
         decoder: Decoder,
-        size: FrameSize,
+        command: Command,
         patience: Duration,
     ) -> Result<VideoReader, VideoError> {
-        let program = decoder.program();
-        let mut command = Command::new(program);
-        command.args(decoder.arguments(path, size));
         let shown = shown(&command);
         let started = Running::with_output(command);
         let (running, output) = started.map_err(|error| match error.kind() {
             ErrorKind::NotFound => VideoError::NotInstalled { decoder },
-            _ => VideoError::File { path: program.into(), error },
+            _ => VideoError::File { path: decoder.program().into(), error },
         })?;
         let (sender, messages) = sync_channel(WAITING);
         std::thread::spawn(move || read(output, decoder, &sender));
