@@ -158,6 +158,17 @@ fn a_video_is_encoded_with_its_times() {
         assert!(dive.path(&format!("packets/{:06}.nvsp", 2 * t)).is_file());
     }
     assert_eq!(frames[0]["start"], "external");
+    // The same by the poses' times, in place of numbers.
+    let by_time: String =
+        (0..FRAMES).zip(rows.lines()).map(|(t, row)| format!("{}{}\n", 2 * t, &row[6..])).collect();
+    std::fs::write(dive.path("times.csv"), format!("time,qw,qx,qy,qz,tx,ty,tz\n{by_time}"))
+        .unwrap();
+    dive.run(&format!("{fixed} --video dive.mp4 --fps 0.5 --starts times.csv --limit {FRAMES}"))
+        .ends_with(0);
+    for (known, frame) in frames.iter().zip(dive.json("summary.json")["frames"].as_array().unwrap())
+    {
+        assert_eq!((&known["start"], &known["bytes"]), (&frame["start"], &frame["bytes"]));
+    }
 }
 
 #[test]
