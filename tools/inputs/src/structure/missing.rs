@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Matching;
 use super::judge::Doubtful;
-use super::pairs::luma;
+use super::pairs::{ALL, luma};
 use crate::frame_file::open_image;
 
 /// Share of the pictures without a pose that deserves a word.
@@ -41,7 +41,8 @@ pub fn reason(
     if let Some(share) = share.filter(|share| *share < DIM) {
         return Some(Doubtful::Dim { left_out, percent: 100.0 * share });
     }
-    Some(Doubtful::Alone { left_out, all_compared: matching == Matching::Exhaustive })
+    let all_compared = matching == Matching::Exhaustive || pictures <= ALL;
+    Some(Doubtful::Alone { left_out, all_compared })
 }
 
 /// The median contrast of some pictures: the standard deviation of their luma. None if one cannot be read.
@@ -93,7 +94,7 @@ mod tests {
         let dim = said(0.2, 3, &[3]).unwrap();
         assert!(dim.contains("3 of 6 pictures") && dim.contains("darkness or silt"), "{dim}");
         let alone = said(1.0, 3, &[3]).unwrap();
-        assert!(alone.contains("--overlap") && alone.contains("exhaustive"), "{alone}");
+        assert!(alone.contains("--overlap") && !alone.contains("exhaustive"), "{alone}");
         let pieces = said(0.2, 3, &[3, 2]).unwrap();
         assert!(pieces.contains("pieces of 3, 2 pictures"), "{pieces}");
         assert_eq!(said(0.2, 5, &[5]), None);
