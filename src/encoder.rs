@@ -15,7 +15,9 @@ use crate::packet::{
 };
 use crate::prior::Learnt;
 use crate::render::{Plan, Scene};
-use crate::residual::{Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Viewpoint};
+use crate::residual::{
+    Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
+};
 use crate::tracking::{
     Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
 };
@@ -35,6 +37,9 @@ pub struct EncoderOptions {
     pub rate: Option<Rate>,
     /// The coder of the difference picture.
     pub residual: ResidualCoder,
+    /// What counts most in the picture; [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) does not look at
+    /// it.
+    pub tune: Tune,
     /// Whether difference pictures are predicted from those of earlier frames. They do not if the device is not
     /// portable: the topside could not know their references.
     pub mode: Mode,
@@ -76,6 +81,7 @@ impl Default for EncoderOptions {
             threshold: 1e-3,
             rate: Some(Rate::Quality(10.0)),
             residual: ResidualCoder::default(),
+            tune: Tune::default(),
             mode: Mode::default(),
             profile: PoseProfile::Compact,
             short: true,
@@ -146,7 +152,7 @@ impl Encoder {
             interest: None,
             preprocessor: preprocessor(scene, &options),
             coders: Coders::new(
-                &residual_setup(engine, scene, camera, options.residual),
+                &residual_setup(engine, scene, camera, &options),
                 has_truth(&options),
             ),
             options,
@@ -224,7 +230,7 @@ impl Encoder {
 
     /// The setup of the coder for a camera's difference pictures.
     pub(crate) fn residual_setup(&self) -> ResidualSetup {
-        residual_setup(&self.engine, &self.scene, &self.camera, self.options.residual)
+        residual_setup(&self.engine, &self.scene, &self.camera, &self.options)
     }
 
     /// Draws what was learnt, with the updates of an earlier dive for one, from the next frame on. An update that waits
@@ -659,12 +665,13 @@ fn residual_setup(
     engine: &Engine,
     scene: &Scene,
     camera: &Camera,
-    coder: ResidualCoder,
+    options: &EncoderOptions,
 ) -> ResidualSetup {
     ResidualSetup {
         width: camera.width,
         height: camera.height,
-        coder,
+        coder: options.residual,
+        tune: options.tune,
         tables: scene.coder_tables().clone(),
         portable: engine.device().portable,
     }

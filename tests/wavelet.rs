@@ -6,7 +6,7 @@ use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Coder, Reference, Residual, ResidualStart};
 use nvsprior::residual::{
     Acknowledged, InStream, Interest, Placement, Rate, ResidualCoder, ResidualDecoder,
-    ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Viewpoint,
+    ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Tune, Viewpoint,
 };
 use nvsprior::{Camera, Picture};
 use proptest::prelude::*;
@@ -118,6 +118,36 @@ fn a_region_of_interest_gets_more_of_the_bits() {
     let even = Interest::map(2, 2, &[7; 4]).unwrap();
     assert_eq!(errors(Some(&Arc::new(even))), plain);
     assert_eq!(errors(None), plain);
+}
+
+#[test]
+fn an_encoder_is_tuned_to_what_is_new() {
+    let (frame, render) = pair();
+    // Squared errors where the render is farthest from the frame, a tenth of the pixels, and elsewhere.
+    let off = |a: &Picture, b: &Picture| -> Vec<f64> {
+        let pixels = a.data.chunks_exact(3).zip(b.data.chunks_exact(3));
+        let square = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b)).powi(2);
+        pixels.map(|(a, b)| a.iter().zip(b).map(square).sum()).collect()
+    };
+    let far = off(&frame, &render);
+    let mut sorted = far.clone();
+    sorted.sort_by(f64::total_cmp);
+    let limit = sorted[sorted.len() * 9 / 10];
+    let errors = |tune: Tune| -> [f64; 2] {
+        let setup =
+            ResidualSetup { tune, ..ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet) };
+        let mut encoder = ResidualEncoder::new(&setup);
+        let coded = encoder.encode(&frame, &render, Rate::Bytes(150), 0).unwrap();
+        let Residual::Coded { payload, .. } = coded.residual else { panic!("no payload") };
+        assert_eq!(&decode(payload, &render), coded.reconstruction);
+        let mut errors = [0.0; 2];
+        for (far, off) in far.iter().zip(off(&frame, coded.reconstruction)) {
+            errors[usize::from(*far < limit)] += off;
+        }
+        errors
+    };
+    let [plain, detection] = [errors(Tune::Psnr), errors(Tune::Detection)];
+    assert!(detection[0] < plain[0], "{detection:?} {plain:?}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::image::Converter;
 use crate::packet::PoseProfile;
-use crate::residual::ResidualCoder;
+use crate::residual::{ResidualCoder, Tune};
 use crate::tracking::{Optimizer, StartKind, Stop};
 use crate::{Encoded, Encoder, EncoderOptions, Mode, Rate, Structure, packet_bound};
 
@@ -54,6 +54,14 @@ pub const NVSP_FORM_FULL: u32 = 1;
 pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
 /// WebP codes the difference picture, as in the paper.
 pub const NVSP_RESIDUAL_WEBP: u32 = 1;
+
+/// All squared errors count alike.
+pub const NVSP_TUNE_PSNR: u32 = 0;
+/// An error counts less where the picture has much texture, which hides it; errors of colour count half. The picture
+/// looks better, and its PSNR is up to 0.3 dB lower at the same bytes.
+pub const NVSP_TUNE_SSIM: u32 = 1;
+/// An error counts more where the prior is far from the picture: a new thing shows first.
+pub const NVSP_TUNE_DETECTION: u32 = 2;
 
 /// Every frame is intra: a lost packet costs its own frame.
 pub const NVSP_MODE_INTRA: u32 = 0;
@@ -138,8 +146,11 @@ pub struct nvsp_encoder_options {
     /// map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
     /// NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
     pub no_truth: u32,
+    /// NVSP_TUNE_*: what counts when bits are given to one part of the difference picture and taken from another. The
+    /// topside needs not know. NVSP_RESIDUAL_WEBP does not look at it.
+    pub tune: u32,
 }
-versioned!(nvsp_encoder_options, 80, 84);
+versioned!(nvsp_encoder_options, 80, 88);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -312,6 +323,12 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         #[cfg(not(feature = "paper"))]
         NVSP_RESIDUAL_WEBP => return Err(without_paper("nvsp_encoder_options.residual")),
         _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
+    };
+    made.tune = match options.tune {
+        NVSP_TUNE_PSNR => Tune::Psnr,
+        NVSP_TUNE_SSIM => Tune::Ssim,
+        NVSP_TUNE_DETECTION => Tune::Detection,
+        _ => return Err(Failure::argument("nvsp_encoder_options.tune")),
     };
     made.mode = mode(options)?;
     match options.levels {

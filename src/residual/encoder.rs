@@ -10,6 +10,7 @@ use super::checks::check_size;
 use super::interest::Interest;
 use super::rate::{Rate, RateResult};
 use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
+use super::tune::Tune;
 use super::wavelet::{FrameKind, RateEncoder};
 #[cfg(feature = "paper")]
 use super::webp::WebpEncoder;
@@ -77,6 +78,8 @@ pub struct ResidualSetup {
     pub height: u32,
     /// Which coder.
     pub coder: ResidualCoder,
+    /// What counts, of the wavelet coder.
+    pub tune: Tune,
     /// The prior's tables, of the wavelet coder.
     pub tables: Arc<Tables>,
     /// The topside draws this device's renders, byte for byte.
@@ -87,13 +90,13 @@ impl ResidualSetup {
     /// A coder of pictures of a size, with the generic tables, on a portable device.
     pub fn new(width: u32, height: u32, coder: ResidualCoder) -> ResidualSetup {
         let tables = Arc::new(Tables::generic());
-        ResidualSetup { width, height, coder, tables, portable: true }
+        ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable: true }
     }
 
     /// Whether an encoder made for one setup serves the other. Tables count as equal only if they are the same object.
     pub(crate) fn is_as(&self, other: &ResidualSetup) -> bool {
         (self.width, self.height) == (other.width, other.height)
-            && (self.coder, self.portable) == (other.coder, other.portable)
+            && (self.coder, self.tune, self.portable) == (other.coder, other.tune, other.portable)
             && Arc::ptr_eq(&self.tables, &other.tables)
     }
 }
@@ -101,10 +104,10 @@ impl ResidualSetup {
 impl ResidualEncoder {
     /// Makes an encoder.
     pub fn new(setup: &ResidualSetup) -> ResidualEncoder {
-        let ResidualSetup { width, height, coder, ref tables, portable } = *setup;
+        let ResidualSetup { width, height, coder, tune, ref tables, portable } = *setup;
         let coder = match coder {
             ResidualCoder::Wavelet => {
-                let mut coder = RateEncoder::new(width, height, tables, portable);
+                let mut coder = RateEncoder::new(width, height, tables, portable, tune);
                 coder.allow_small_blocks(true);
                 AnyEncoder::Wavelet(Box::new(coder))
             }

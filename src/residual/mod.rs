@@ -12,6 +12,7 @@ mod interest;
 mod rate;
 mod references;
 mod stream;
+mod tune;
 mod warp;
 pub mod wavelet;
 #[cfg(feature = "paper")]
@@ -26,6 +27,7 @@ pub use interest::Interest;
 pub use rate::Rate;
 pub use references::REFERENCES;
 pub use stream::{Acknowledged, Mode, StreamFrame, Structure};
+pub use tune::Tune;
 pub use warp::{Placement, Viewpoint, warp};
 #[cfg(feature = "paper")]
 pub use webp::Webp;

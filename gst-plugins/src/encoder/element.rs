@@ -16,7 +16,7 @@ use nvsprior::tracking::FrameInfo;
 
 use super::frames::{Frames, FramesError, Taken};
 use super::learning::{LearntFigures, Told};
-use super::settings::{ModeKind, RateKind, Settings, StructureKind};
+use super::settings::{ModeKind, RateKind, Settings, StructureKind, TuneKind};
 use crate::budget::Budget;
 use crate::caps;
 use crate::dive_file::DiveFile;
@@ -92,6 +92,9 @@ pub struct Encoder {
             compare pictures")]
     #[property(name = "mode", get, set, type = ModeKind, member = mode, mutable_ready,
         blurb = "Whether difference pictures are predicted from earlier ones", builder(ModeKind::Intra))]
+    #[property(name = "tune", get, set, type = TuneKind, member = tune, mutable_ready,
+        blurb = "What counts when bits are given to one part of the picture and taken from another",
+        builder(TuneKind::Psnr))]
     #[property(name = "structure", get, set, type = StructureKind, member = structure, mutable_ready,
         blurb = "With mode=stream: the reference frame of others", builder(StructureKind::Chain))]
     #[property(name = "key-every", get, set, type = u32, member = key_every, mutable_ready, default_value = 16,

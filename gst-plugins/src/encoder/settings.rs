@@ -2,6 +2,7 @@
 
 use gst::glib;
 use nvsprior::modem::{Loss, RateControlOptions};
+use nvsprior::residual::Tune;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{EncoderOptions, Mode, Rate, Structure};
 
@@ -36,6 +37,22 @@ pub enum ModeKind {
     Stream,
 }
 
+/// What counts when bits are given to one part of the picture and taken from another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
+#[enum_type(name = "NvspriorTune")]
+pub enum TuneKind {
+    #[enum_value(name = "All squared errors alike", nick = "psnr")]
+    #[default]
+    Psnr,
+    #[enum_value(name = "Errors count less where texture hides them", nick = "ssim")]
+    Ssim,
+    #[enum_value(
+        name = "Errors count more where the prior is far from the picture",
+        nick = "detection"
+    )]
+    Detection,
+}
+
 /// Which frame a frame of a stream is predicted from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
 #[enum_type(name = "NvspriorStructure")]
@@ -63,6 +80,7 @@ pub struct Settings {
     pub info: Option<FrameInfo>,
     pub threshold: f64,
     pub mode: ModeKind,
+    pub tune: TuneKind,
     pub structure: StructureKind,
     pub key_every: u32,
     pub camera_interval: u32,
@@ -112,6 +130,7 @@ impl Default for Settings {
             info: None,
             threshold: 1e-3,
             mode: ModeKind::default(),
+            tune: TuneKind::default(),
             structure: StructureKind::default(),
             key_every: 16,
             camera_interval: 64,
@@ -152,6 +171,11 @@ impl Settings {
         EncoderOptions {
             threshold: self.threshold,
             rate: self.fixed_rate(),
+            tune: match self.tune {
+                TuneKind::Psnr => Tune::Psnr,
+                TuneKind::Ssim => Tune::Ssim,
+                TuneKind::Detection => Tune::Detection,
+            },
             mode: match self.mode {
                 ModeKind::Intra => Mode::Intra,
                 ModeKind::Stream => Mode::Stream(structure),

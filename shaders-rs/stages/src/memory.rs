@@ -19,17 +19,25 @@ pub fn at_mut<T, B: IndexUnchecked<T> + ?Sized>(buffer: &mut B, i: u32) -> &mut 
 /// A buffer of pairs of floats. As words of 64 bits a pair is one access: llvmpipe pays by
 /// accesses, a GPU by bytes.
 pub trait Pairs {
+    /// Loops over harmonics are written out: on llvmpipe an array that a loop reads lies in memory. On a GPU all that
+    /// is written out is loaded at once, and takes the registers.
+    const WRITTEN_OUT: bool;
+
     /// Pair `i`, which must exist.
     fn pair(&self, i: u32) -> [f32; 2];
 }
 
 impl Pairs for [f32] {
+    const WRITTEN_OUT: bool = false;
+
     fn pair(&self, i: u32) -> [f32; 2] {
         [at(self, 2 * i), at(self, 2 * i + 1)]
     }
 }
 
 impl Pairs for [u64] {
+    const WRITTEN_OUT: bool = true;
+
     fn pair(&self, i: u32) -> [f32; 2] {
         let pair: u64 = at(self, i);
         [f32::from_bits(pair as u32), f32::from_bits((pair >> 32) as u32)]

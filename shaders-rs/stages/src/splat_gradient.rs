@@ -10,7 +10,7 @@ use crate::shared::{
     self, Outline, Params, RATIO_MIN, TILE, clamped_ray, cross, dilated, dot, projected_axes,
     scaled, transform,
 };
-use crate::train_activate::{Harmonics, Shape, coefficients, drawn_harmonic};
+use crate::train_activate::{Shape, coefficients, drawn_harmonic, harmonic};
 use crate::train_slots;
 use crate::training::{NO_PAIR, PAIR_FLOATS, Training, slot_box};
 use spirv_std::glam::Vec4;
@@ -96,36 +96,34 @@ struct Colours {
     basis: [f32; 16],
 }
 
+/// All in one pass over the coefficients, so that none of them stays in registers.
 fn colours(
     params: &Params,
     training: &Training,
-    own: &Harmonics,
+    parameters: &[f32],
+    count: u32,
     by_colour: [f32; 3],
     position: [f32; 3],
+    j: u32,
 ) -> Colours {
     let (d, inverse) = shared::direction(params, position);
     let (basis, slopes) = (shared::sh_basis(d), shared::sh_basis_gradient(d));
     let basis = coefficients!(k => if k < training.sh_trained { basis[k as usize] } else { 0.0 });
-    let drawn = coefficients!(k => drawn_harmonic(training, own[k as usize], k));
     let mut rgb = [0.5, 0.5, 0.5];
-    coefficients!(k => {
-        let (b, own) = (basis[k as usize], drawn[k as usize]);
-        rgb = [rgb[0] + b * own[0], rgb[1] + b * own[1], rgb[2] + b * own[2]];
+    // Gradients of red, green and blue by the direction.
+    let (mut red, mut green, mut blue) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+    coefficients!(k => if k < count {
+        let [r, g, b] = drawn_harmonic(training, harmonic(training, parameters, k, j), k);
+        let (value, slope) = (basis[k as usize], slopes[k as usize]);
+        rgb = [rgb[0] + value * r, rgb[1] + value * g, rgb[2] + value * b];
+        (red, green, blue) = (added(red, r, slope), added(green, g, slope), added(blue, b, slope));
     });
     let by = [
         if rgb[0] > 0.0 { by_colour[0] } else { 0.0 },
         if rgb[1] > 0.0 { by_colour[1] } else { 0.0 },
         if rgb[2] > 0.0 { by_colour[2] } else { 0.0 },
     ];
-    let mut along = [0.0; 3];
-    coefficients!(k => {
-        let (product, slope) = (dot(by, drawn[k as usize]), slopes[k as usize]);
-        along = [
-            along[0] + product * slope[0],
-            along[1] + product * slope[1],
-            along[2] + product * slope[2],
-        ];
-    });
+    let along = added(added(scaled(red, by[0]), by[1], green), by[2], blue);
     let radial = dot(along, d);
     let by_position = [
         (along[0] - radial * d[0]) * inverse,
@@ -133,6 +131,11 @@ fn colours(
         (along[2] - radial * d[2]) * inverse,
     ];
     Colours { by_colour: by, by_position, basis }
+}
+
+/// `sum + by · v`.
+fn added(sum: [f32; 3], by: f32, v: [f32; 3]) -> [f32; 3] {
+    [sum[0] + by * v[0], sum[1] + by * v[1], sum[2] + by * v[2]]
 }
 
 /// `Mᵀ v` of a row-major matrix.
@@ -270,12 +273,13 @@ fn all_finite([a, b, c]: [f32; 3]) -> [f32; 3] {
 
 impl Gradient {
     /// Of the splat at place `j` of those that are trained, from what stage `splat_backward` has summed. It must have
-    /// slots.
+    /// slots. `count`: coefficients of the spherical harmonics that there are.
     pub fn of<P: Pairs + ?Sized>(
         params: &Params,
         training: &Training,
         shape: &Shape,
-        harmonics: &Harmonics,
+        parameters: &[f32],
+        count: u32,
         records: &[Vec4],
         starts: &[u32],
         slots: &[u32],
@@ -284,7 +288,7 @@ impl Gradient {
     ) -> Gradient {
         let i = training.first_trained + j;
         let seen = gather(params, records, starts, slots, pairs, i);
-        let colours = colours(params, training, harmonics, seen.colour, shape.position);
+        let colours = colours(params, training, parameters, count, seen.colour, shape.position, j);
         let Spatial { position, axes, log_scale } = spatial(params, shape, &seen);
         let [a, b, c] = colours.by_position;
         let [q0, q1, q2, q3] = by_rotation(shape, axes);

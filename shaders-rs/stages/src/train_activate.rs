@@ -99,14 +99,6 @@ macro_rules! coefficients {
 }
 pub(crate) use coefficients;
 
-/// The spherical harmonics of a splat as they are trained, RGB; 0 after the last.
-pub type Harmonics = [[f32; 3]; 16];
-
-/// `count`: of the coefficients that there are.
-pub fn harmonics(training: &Training, parameters: &[f32], count: u32, j: u32) -> Harmonics {
-    coefficients!(k => if k < count { harmonic(training, parameters, k, j) } else { [0.0; 3] })
-}
-
 impl Trained {
     /// `j`: the splat's place among those that are trained.
     pub fn load(training: &Training, parameters: &[f32], j: u32) -> Trained {
@@ -186,13 +178,15 @@ fn activate<M: PairsMut + ?Sized>(
     geometry.put(5 * n + i, [c[0], c[1]]);
     geometry.put(6 * n + i, [c[2], 0.0]);
     let count = sh_coefficients(sh_degree);
-    let own = harmonics(training, parameters, count, j);
     // Two coefficients are three planes.
     macro_rules! put {
         ($($two:literal)+) => {
             $(if 2 * $two < count {
-                let [r, g, b] = drawn_harmonic(training, own[2 * $two], 2 * $two);
-                let [nr, ng, nb] = own[2 * $two + 1];
+                let (k, next) = (2 * $two, 2 * $two + 1);
+                let own = harmonic(training, parameters, k, j);
+                let [r, g, b] = drawn_harmonic(training, own, k);
+                let [nr, ng, nb] =
+                    if next < count { harmonic(training, parameters, next, j) } else { [0.0; 3] };
                 let place = 3 * $two * n + i;
                 sh.put(place, [r, g]);
                 sh.put(place + n, [b, nr]);

@@ -4,7 +4,7 @@
 use crate::memory::{at, at_mut};
 use crate::shared::{Params, sh_coefficients};
 use crate::splat_gradient::Gradient;
-use crate::train_activate::{Shape, Trained, coefficients, harmonics};
+use crate::train_activate::{Shape, Trained, coefficients};
 use crate::training::{LOG_SCALE, NO_PAIR, OPACITY, POSITION, ROTATION, SH, Training};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
@@ -37,8 +37,8 @@ pub fn train_gradient(
         return;
     }
     let shape = Shape::of(training, &Trained::load(training, parameters, j));
-    let own = harmonics(training, parameters, count, j);
-    let own = Gradient::of(params, training, &shape, &own, records, starts, slots, pairs, j);
+    let own =
+        Gradient::of(params, training, &shape, parameters, count, records, starts, slots, pairs, j);
     let mut k = 0;
     while k < 3 {
         *at_mut(gradients, (POSITION + k) * n + j) = own.position[k as usize];

@@ -5,7 +5,7 @@
 use crate::memory::{PairsMut, at};
 use crate::shared::{Counters, Params, dot, sh_coefficients};
 use crate::splat_gradient::Gradient;
-use crate::train_activate::{Shape, Trained, coefficients, harmonics, put_triple};
+use crate::train_activate::{Shape, Trained, coefficients, harmonic, put_triple};
 use crate::training::{FADING, LOG_SCALE, OPACITY, POSITION, ROTATION, SH, SlotCounters, Training};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::num_traits::Float;
@@ -68,11 +68,7 @@ fn noise(training: &Training, shape: &Shape, j: u32) -> [f32; 3] {
     let x = size * s0 * s0 * dot(u, noise);
     let y = size * s1 * s1 * dot(v, noise);
     let z = size * s2 * s2 * dot(w, noise);
-    [
-        x * u[0] + y * v[0] + z * w[0],
-        x * u[1] + y * v[1] + z * w[1],
-        x * u[2] + y * v[2] + z * w[2],
-    ]
+    [x * u[0] + y * v[0] + z * w[0], x * u[1] + y * v[1] + z * w[1], x * u[2] + y * v[2] + z * w[2]]
 }
 
 /// Takes the step of the splat at place `j` of those that are trained.
@@ -91,8 +87,8 @@ fn take<M: PairsMut + ?Sized>(
     let (n, count) = (training.trained, sh_coefficients(sh_degree));
     let before = Trained::load(training, parameters, j);
     let shape = Shape::of(training, &before);
-    let sh = harmonics(training, parameters, count, j);
-    let own = Gradient::of(params, training, &shape, &sh, records, starts, slots, pairs, j);
+    let own =
+        Gradient::of(params, training, &shape, parameters, count, records, starts, slots, pairs, j);
     let rates = training.rates;
     // Written out, as arrays would lie in memory.
     macro_rules! steps {
@@ -115,13 +111,26 @@ fn take<M: PairsMut + ?Sized>(
     let moved = noise(training, &Shape::of(training, &after), j);
     let moved = [position[0] + moved[0], position[1] + moved[1], position[2] + moved[2]];
     Trained { position: moved, ..after }.store(training, parameters, j);
-    coefficients!(k => if k < count {
-        let first = SH + 3 * k;
-        let (b, by, before) = (own.basis[k as usize], own.colour, sh[k as usize]);
-        let rate = if k == 0 { rates[4] } else { rates[5] };
-        let [r, g, b] = steps!(first, before, rate, [b * by[0], b * by[1], b * by[2]]; 0 1 2);
-        put_triple(parameters, n, first, j, [r, g, b]);
-    });
+    // Coefficient k.
+    macro_rules! harmonic_step {
+        ($k:expr) => {
+            let (k, first) = ($k, SH + 3 * $k);
+            let (b, by) = (own.basis[k as usize], own.colour);
+            let before = harmonic(training, parameters, k, j);
+            let rate = if k == 0 { rates[4] } else { rates[5] };
+            let [r, g, b] = steps!(first, before, rate, [b * by[0], b * by[1], b * by[2]]; 0 1 2);
+            put_triple(parameters, n, first, j, [r, g, b]);
+        };
+    }
+    if M::WRITTEN_OUT {
+        coefficients!(k => if k < count { harmonic_step!(k); });
+    } else {
+        let mut k = 0;
+        while k < count {
+            harmonic_step!(k);
+            k += 1;
+        }
+    }
 }
 
 /// Makes a form of the stage: its entry point, and how pairs of floats are loaded. One invocation per splat of the list

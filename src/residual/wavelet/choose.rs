@@ -38,7 +38,7 @@ impl Source for Chooser<'_> {
         let Predictor { chances, offsets, .. } = self.predictor;
         let first = First::of(self.predictor, due);
         let bits_of_zero = chances.cost(first.logit, false);
-        let lambda = self.lambda * self.prices.factor(due.index());
+        let lambda = self.lambda * self.prices.factor(context.plane, due.index());
         let zero = size * size + lambda * bits_of_zero;
         // Another value has this first bit at least: it would be no better even if all else cost nothing.
         if zero <= lambda * chances.cost(first.logit, true) {

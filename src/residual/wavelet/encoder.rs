@@ -28,6 +28,7 @@ use super::step::Step;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::Tables;
 use crate::range_coder::RangeEncoder;
+use crate::residual::Tune;
 
 /// A level with a coefficient above this is looked through, steps.
 const WORTH_A_LOOK: f32 = 0.9;
@@ -52,6 +53,11 @@ pub struct WaveletEncoder {
 impl WaveletEncoder {
     /// For pictures of a size.
     pub fn new(width: u32, height: u32, tables: &Tables) -> WaveletEncoder {
+        WaveletEncoder::tuned(width, height, tables, Tune::Psnr)
+    }
+
+    /// As [`WaveletEncoder::new`], with another thing that counts.
+    pub fn tuned(width: u32, height: u32, tables: &Tables, tune: Tune) -> WaveletEncoder {
         let frame = Frame::new(width, height);
         let len = frame.geometry.len();
         WaveletEncoder {
@@ -59,7 +65,7 @@ impl WaveletEncoder {
             wanted: std::array::from_fn(|_| vec![0.0; len]),
             chosen: std::array::from_fn(|_| vec![0; len]),
             gains: LevelGains::default(),
-            prices: Prices::new(&frame.geometry),
+            prices: Prices::new(&frame.geometry, tune),
             pass: Pass::new(&frame.geometry),
             chooser: BlockChooser::new(&frame.small_blocks.grids),
             small_blocks: false,
@@ -106,7 +112,7 @@ impl WaveletEncoder {
 
     /// Sets which parts of the picture count more, from here on.
     pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
-        self.prices.set(&self.frame.geometry, interest);
+        self.prices.set_interest(&self.frame.geometry, interest);
     }
 
     /// Sets the tables of inter frames.
@@ -126,9 +132,10 @@ impl WaveletEncoder {
         if warped.is_some() {
             self.prepare_inter();
         }
-        let WaveletEncoder { frame: coded, difference, .. } = self;
+        let WaveletEncoder { frame: coded, difference, prices, .. } = self;
         coded.sees_render = sees_render;
         coded.set_render(render);
+        prices.set_frame(&coded.geometry, frame, render);
         let pixel = |i: usize| {
             let level = |picture: &Picture, c: usize| i32::from(picture.data[3 * i + c]);
             std::array::from_fn(|c| level(frame, c) - level(render, c))

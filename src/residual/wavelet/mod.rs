@@ -36,6 +36,7 @@ mod small_blocks;
 mod small_blocks_choice;
 mod step;
 pub mod training;
+mod weights;
 
 pub use decoder::{Payload, WaveletDecoder};
 pub use encoder::WaveletEncoder;

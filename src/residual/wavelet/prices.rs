@@ -1,25 +1,53 @@
-//! What a bit is worth at each coefficient, if parts of the picture count more than others.
+//! What a bit is worth at each coefficient, if errors do not count alike.
 
 use std::sync::Arc;
 
 use super::super::interest::Interest;
 use super::geometry::{Band, Geometry};
+use super::weights::Weights;
+use crate::Picture;
+use crate::coder_tables::PLANES;
+use crate::residual::Tune;
 
-/// Prices by the place of a coefficient in the transformed plane. Their memory is taken with the first.
+/// Prices by the place of a coefficient in the transformed plane.
 pub struct Prices {
-    /// What a bit costs: 1 if the weight is the greatest, twice that if it is half of it.
+    /// What a bit costs by its place: 1 if the weight is the greatest, twice that if it is half of it.
     factors: Vec<f32>,
     of: Option<Arc<Interest>>,
+    weights: Weights,
+    /// What it costs by the frame, by plane. Empty if all errors count alike.
+    by_frame: [Vec<f32>; PLANES],
 }
 
 impl Prices {
     /// The same everywhere.
-    pub fn new(geometry: &Geometry) -> Prices {
-        Prices { factors: vec![1.0; geometry.len()], of: None }
+    pub fn new(geometry: &Geometry, tune: Tune) -> Prices {
+        let weights = Weights::new(geometry, tune);
+        let len = if weights.are_even() { 0 } else { geometry.len() };
+        let by_frame = std::array::from_fn(|_| vec![1.0; len]);
+        Prices { factors: vec![1.0; geometry.len()], of: None, weights, by_frame }
     }
 
-    /// Sets them for a region of interest, if it is another object than before.
-    pub fn set(&mut self, geometry: &Geometry, interest: Option<&Arc<Interest>>) {
+    /// Sets those of a frame.
+    pub fn set_frame(&mut self, geometry: &Geometry, frame: &Picture, render: &Picture) {
+        if self.weights.are_even() {
+            return;
+        }
+        self.weights.set(frame, render);
+        for band in geometry.bands() {
+            for (y, row) in band.rows(geometry).enumerate() {
+                for (x, place) in row.enumerate() {
+                    let prices = self.weights.prices(&band, x, y);
+                    for (plane, price) in self.by_frame.iter_mut().zip(prices) {
+                        plane[place] = price;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Sets those of a region of interest, if it is another object than before.
+    pub fn set_interest(&mut self, geometry: &Geometry, interest: Option<&Arc<Interest>>) {
         if self.of.as_ref().map(Arc::as_ptr) == interest.map(Arc::as_ptr) {
             return;
         }
@@ -37,8 +65,8 @@ impl Prices {
     }
 
     /// The factor of a coefficient.
-    pub fn factor(&self, place: usize) -> f32 {
-        self.factors[place]
+    pub fn factor(&self, plane: usize, place: usize) -> f32 {
+        self.factors[place] * self.by_frame[plane].get(place).unwrap_or(&1.0)
     }
 }
 
@@ -60,20 +88,20 @@ mod tests {
     #[test]
     fn bits_are_cheap_where_the_weight_is_great() {
         let geometry = Geometry::new(64, 48);
-        let mut prices = Prices::new(&geometry);
-        assert_eq!(prices.factor(5), 1.0);
+        let mut prices = Prices::new(&geometry, Tune::Psnr);
+        assert_eq!(prices.factor(0, 5), 1.0);
         let interest = Interest::rectangle((64, 48), 0..16, 0..16, 8).unwrap();
-        prices.set(&geometry, Some(&Arc::new(interest)));
+        prices.set_interest(&geometry, Some(&Arc::new(interest)));
         for band in geometry.bands() {
             for (y, row) in band.rows(&geometry).enumerate() {
                 for (x, place) in row.enumerate() {
                     let near = |at: usize| (at << band.level) < 16 + (1 << band.level >> 1);
                     let wanted = if near(x) && near(y) { 1.0 } else { 8.0 };
-                    assert_eq!(prices.factor(place), wanted, "{band:?} {x} {y}");
+                    assert_eq!(prices.factor(0, place), wanted, "{band:?} {x} {y}");
                 }
             }
         }
-        prices.set(&geometry, None);
-        assert_eq!(prices.factor(5), 1.0);
+        prices.set_interest(&geometry, None);
+        assert_eq!(prices.factor(0, 5), 1.0);
     }
 }

@@ -14,6 +14,7 @@ use super::geometry::Planes;
 use super::inter::Pays;
 use super::step::Step;
 use crate::coder_tables::Tables;
+use crate::residual::Tune;
 
 /// Most codings of a search. A frame with a tight budget may have two searches.
 const MAX_PROBES: u32 = 10;
@@ -108,9 +109,15 @@ impl Coding {
 
 impl RateEncoder {
     /// For pictures of a size. `portable`: the topside draws this device's renders, byte for byte.
-    pub fn new(width: u32, height: u32, tables: &Tables, portable: bool) -> RateEncoder {
+    pub fn new(
+        width: u32,
+        height: u32,
+        tables: &Tables,
+        portable: bool,
+        tune: Tune,
+    ) -> RateEncoder {
         RateEncoder {
-            encoder: WaveletEncoder::new(width, height, tables),
+            encoder: WaveletEncoder::tuned(width, height, tables, tune),
             decoder: WaveletDecoder::new(width, height, tables),
             portable,
             best: Coding::new(width, height),

@@ -15,6 +15,7 @@ use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
+use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, OutputError};
 use nvsprior_inputs::video_input::VideoInputArgs;
 
@@ -45,6 +46,8 @@ pub struct Args {
     rate: RateArgs,
     #[command(flatten)]
     mode: ModeArgs,
+    #[command(flatten)]
+    tune: TuneArgs,
     #[command(flatten)]
     interest: InterestArgs,
     #[command(flatten)]
@@ -226,6 +229,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.rate = args.rate.rate();
     options.residual = args.rate.coder();
     options.mode = mode;
+    options.tune = args.tune.tune();
     if options.mode != Mode::Intra && !engine.device().portable {
         eprintln!("the device is not portable: every frame is an intra frame");
     }

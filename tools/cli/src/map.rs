@@ -6,6 +6,7 @@ mod inputs;
 mod memory;
 mod report;
 mod saved;
+mod shown;
 mod structure;
 mod video;
 
@@ -152,13 +153,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let own = || args.inputs.preprocessing();
     let preprocessing = from.as_ref().map_or_else(own, |prior| *prior.preprocessing());
-    let unposed = args.video.pictures(given, &args.out)?;
     let search = Search {
         out: &args.out,
         masks: args.inputs.masks(),
         width: args.inputs.width(),
         seed: args.seed,
     };
+    let unposed = args.video.pictures(given, &search)?;
     let found = args.structure.find(unposed.as_ref(), &search, navigation)?;
     let (found, poses) = found.unzip();
     let listed = args.inputs.list(found)?;

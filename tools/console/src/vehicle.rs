@@ -12,6 +12,7 @@ use nvsprior::tracking::FrameInfo;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::mode::ModeArgs;
+use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::exposure::{self, ClockSource, EXPOSURE_LEN, TopsideClock};
 use nvsprior_link::pilot::{PilotMessage, Region};
@@ -49,6 +50,8 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     mode: ModeArgs,
+    #[command(flatten)]
+    tune: TuneArgs,
     /// Learn what the frames show and the prior does not, and send it as updates of the prior
     #[arg(long)]
     learn: bool,
@@ -132,7 +135,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let scene =
         if args.learn { engine.upload_for_updates(&prior)? } else { engine.upload(&prior)? };
     let (threshold, frames_treated) = (args.threshold, false);
-    let options = VehicleOptions { sender, mode, threshold, frames_treated, truth: true };
+    let tune = args.tune.tune();
+    let options = VehicleOptions { sender, mode, tune, threshold, frames_treated, truth: true };
     let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options)?;
     println!("vehicle: {} bit/s to {}", args.link.bit_rate, args.to);
     let mut dive = Dive {

@@ -5,16 +5,21 @@
 
 pub mod args;
 pub mod camera_file;
+mod child;
 pub mod colmap;
+pub mod estimate;
 pub mod frame_file;
 pub mod input;
+pub mod locked_folder;
 pub mod mode;
 pub mod navigation;
 pub mod points;
 pub mod posed;
+pub mod progress;
 pub mod run_writer;
 pub mod sheet;
 pub mod structure;
+pub mod tune;
 pub mod undistort;
 pub mod values;
 pub mod video;

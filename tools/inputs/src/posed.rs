@@ -90,14 +90,33 @@ pub enum PosedError {
 /// with a COLMAP model: the model's own, or one with it as `sparse/0` or `sparse`. Pictures are not
 /// read, but all must be there.
 pub fn posed_pictures(path: &Path, options: &PosedOptions) -> Result<PosedPictures, PosedError> {
-    let own = || path.to_path_buf();
-    let (mut inputs, points) = if path.is_dir() {
+    let listed = if path.is_dir() {
         of_model(path, options)?
     } else if path.exists() {
         of_camera_file(path, options)?
     } else {
-        return Err(PosedError::Nothing { path: own() });
+        return Err(PosedError::Nothing { path: path.to_path_buf() });
     };
+    checked(listed, path, options)
+}
+
+/// The pictures of a COLMAP model that was read from a folder, and the folder that their names start from.
+pub fn pictures_of_model(
+    model: ColmapModel,
+    (path, pictures): (&Path, &Path),
+    masks: Option<&Path>,
+) -> Result<PosedPictures, PosedError> {
+    let masks = masks.map(Path::to_path_buf);
+    checked(listed(model, pictures), path, &PosedOptions { masks, ..PosedOptions::default() })
+}
+
+/// What was listed, with what the options add to it. All pictures must be there.
+fn checked(
+    (mut inputs, points): Listed,
+    path: &Path,
+    options: &PosedOptions,
+) -> Result<PosedPictures, PosedError> {
+    let own = || path.to_path_buf();
     if inputs.is_empty() {
         return Err(PosedError::Empty { path: own() });
     }
@@ -155,7 +174,10 @@ fn of_model(path: &Path, options: &PosedOptions) -> Result<Listed, PosedError> {
         Some(pictures) => pictures.clone(),
         None => pictures_by(path, &folder).ok_or_else(|| PosedError::NoFolder { path: own() })?,
     };
-    let ColmapModel { views, points } = ColmapModel::open(&folder)?;
+    Ok(listed(ColmapModel::open(&folder)?, &pictures))
+}
+
+fn listed(ColmapModel { views, points }: ColmapModel, pictures: &Path) -> Listed {
     let inputs = views.into_iter().map(|view| PosedInput {
         file: pictures.join(&view.name),
         name: view.name,
@@ -164,7 +186,7 @@ fn of_model(path: &Path, options: &PosedOptions) -> Result<Listed, PosedError> {
         split: None,
         mask: None,
     });
-    Ok((inputs.collect(), Some(points)))
+    (inputs.collect(), Some(points))
 }
 
 /// The folder of pictures that belongs to a model found in `folder`, from what was given.

@@ -8,7 +8,7 @@ use nvsprior::geometry::Lens;
 use nvsprior::image::Converter;
 use nvsprior::{Camera, FrameInfo, Picture};
 
-use crate::frame_file::{FrameFileError, same_shape};
+use crate::frame_file::{FrameFileError, read_known_by, same_shape};
 use crate::input::{Input, InputArgs, starts_file};
 use crate::posed::lens_of;
 use crate::values::{self, WrongUsage};
@@ -19,7 +19,7 @@ use crate::video::{DecoderChoice, Ended, FrameSize, Video, VideoFrame, VideoRead
 pub struct VideoInputArgs {
     /// Take the frames from a video (GStreamer or FFmpeg decodes it), undistorted and reduced. --cameras then tells the
     /// lens only, and may be the folder of a COLMAP model, such as OUT.colmap. Frames are named by their number in the
-    /// video, as 000123; --starts is `none`, or a CSV file with these names
+    /// video, as 000123; --starts is `none`, or a CSV file with these names, or without a column `file` and with times
     #[arg(long, value_name = "FILE", conflicts_with = "start_offset")]
     video: Option<PathBuf>,
     /// Take at most so many frames per second of the video [default: all]
@@ -39,7 +39,7 @@ impl VideoInputArgs {
                 "the camera file has no poses of a video's frames; give `none` or a CSV file";
             return Err(WrongUsage(format!("--starts camera-file: {what}")).into());
         }
-        let known = starts_file(&input.starts).map(|path| input.read_starts(path)).transpose()?;
+        let known = starts_file(&input.starts).map(|path| Known::read(input, path)).transpose()?;
         let lens = lens_of(&input.cameras, input.split.as_deref())?;
         let video = Video::open(path, self.decoder)?;
         eprintln!("{}", video.command);
@@ -74,11 +74,65 @@ pub struct VideoFrames {
     reader: VideoReader,
     converter: Converter,
     camera: Camera,
-    known: HashMap<String, FrameInfo>,
+    known: Known,
     taken: Taken,
     /// Frames that are still wanted.
     most: usize,
 }
+
+/// What is known of frames from outside.
+enum Known {
+    Names(HashMap<String, FrameInfo>),
+    /// By their times, in order.
+    Times(Vec<(f64, FrameInfo)>),
+}
+
+impl Default for Known {
+    fn default() -> Known {
+        Known::Times(Vec::new())
+    }
+}
+
+impl Known {
+    /// Reads a CSV file of starts. Without a column of names its times count.
+    fn read(input: &InputArgs, path: &Path) -> anyhow::Result<Known> {
+        let nameless = |error: &anyhow::Error| {
+            let column = error.downcast_ref::<FrameFileError>();
+            matches!(column, Some(FrameFileError::Column { column: "file", .. }))
+        };
+        match input.read_starts(path) {
+            Err(error) if nameless(&error) => {}
+            names => return Ok(Known::Names(names?)),
+        }
+        let rows = read_known_by("time", path)?.into_values();
+        let mut rows: Vec<_> = rows.filter_map(|known| Some((known.time?, known))).collect();
+        rows.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        Ok(Known::Times(rows))
+    }
+
+    /// Of a frame by its name, or by its time: the last pose before it, if that is not too old.
+    fn of(&self, name: &str, time: f64) -> FrameInfo {
+        /// Seconds.
+        const TOO_OLD: f64 = 5.0;
+        let rows = match self {
+            Known::Names(names) => return names.get(name).copied().unwrap_or_default(),
+            Known::Times(rows) => rows,
+        };
+        let before = rows.partition_point(|(at, _)| *at <= time + CLOSE);
+        let Some((at, mut known)) = before.checked_sub(1).map(|last| rows[last]) else {
+            return FrameInfo::default();
+        };
+        let older = (time - at).max(0.0);
+        known.hint = known.hint.filter(|_| older <= TOO_OLD);
+        if let Some(hint) = &mut known.hint {
+            hint.age += older;
+        }
+        known
+    }
+}
+
+/// Times are rounded to microseconds.
+const CLOSE: f64 = 2e-6;
 
 /// Which frames are taken, by their times.
 struct Taken {
@@ -92,8 +146,6 @@ struct Taken {
 impl Taken {
     /// Whether a frame of this time is taken. One that is not later than the one before has no time of its own.
     fn takes(&mut self, time: f64) -> bool {
-        /// Times are rounded to microseconds.
-        const CLOSE: f64 = 2e-6;
         let due = self.due.unwrap_or(time);
         // So that NaN is left out.
         if !(time + CLOSE >= due) || self.last.is_some_and(|last| time <= last) {
@@ -141,7 +193,7 @@ impl VideoFrames {
         let mut picture = Picture::new(self.camera.width, self.camera.height);
         let converted = self.converter.convert(&frame.view(), &mut picture);
         converted.with_context(|| format!("{}, frame {name}", self.video.name()))?;
-        let mut external = self.known.get(&name).copied().unwrap_or_default();
+        let mut external = self.known.of(&name, frame.time);
         external.time = Some(frame.time);
         let input = Input {
             path: Path::new(&self.video.path).to_path_buf(),
@@ -157,6 +209,8 @@ impl VideoFrames {
 
 #[cfg(test)]
 mod tests {
+    use nvsprior::Hint;
+
     use super::*;
 
     fn taken(fps: Option<f64>, times: &[f64]) -> Vec<usize> {
@@ -175,5 +229,24 @@ mod tests {
         // A gap is not made up for by frames that follow each other closely.
         assert_eq!(taken(Some(1.0), &[0.0, 0.5, 5.3, 5.4, 5.9, 6.3, 7.0]), [0, 2, 5]);
         assert_eq!(taken(None, &[0.0, 0.2, 0.1, f64::NAN, 0.3]), [0, 1, 4]);
+    }
+
+    #[test]
+    fn poses_without_names_are_joined_by_time() {
+        let hint = |x: f64| {
+            let translation = glam::DVec3::new(x, 0.0, 0.0);
+            Some(Hint::of(nvsprior::Pose { translation, ..nvsprior::Pose::IDENTITY }))
+        };
+        let row = |time: f64, x: f64| (time, FrameInfo { hint: hint(x), time: Some(time) });
+        let known = Known::Times(vec![row(1.0, 0.1), row(2.0, 0.2), row(60.0, 6.0)]);
+        let of = |time: f64| {
+            known.of("000000", time).hint.map(|hint| (hint.pose.translation.x, hint.age))
+        };
+        assert_eq!(of(0.5), None);
+        assert_eq!(of(1.0), Some((0.1, 0.0)));
+        assert_eq!(of(1.75), Some((0.1, 0.75)));
+        assert_eq!(of(3.0), Some((0.2, 1.0)));
+        assert_eq!(of(20.0), None);
+        assert_eq!(of(60.0), Some((6.0, 0.0)));
     }
 }

@@ -7,9 +7,11 @@ use std::path::Path;
 
 use making::{Making, PAN, decoders, pan, rotate, shade};
 use nvsprior::image::Converter;
+use nvsprior_inputs::locked_folder::FolderError;
+use nvsprior_inputs::progress::Progress;
 use nvsprior_inputs::video::{
-    ChoiceOptions, Decoder, DecoderChoice, Ended, FrameSize, Progress, Record, Video, VideoError,
-    VideoFrame, frames_for_mapping, rgb,
+    ChoiceOptions, Decoder, DecoderChoice, Ended, FrameSize, Record, Video, VideoError, VideoFrame,
+    frames_for_mapping, rgb,
 };
 
 fn choice(decoder: Decoder) -> DecoderChoice {
@@ -107,6 +109,36 @@ fn odd_sizes_and_wide_pixels_are_read_and_reduced() {
 }
 
 #[test]
+fn frames_that_are_asked_for_are_those_of_the_whole_video() {
+    let making = Making::new();
+    let steady = making.video("steady.mkv", (0..230).map(|i| shade(64, 36, i % 20)), 10.0);
+    let whole = std::fs::read(&steady).unwrap();
+    making.write("short.mkv", &whole[..whole.len() * 7 / 10]);
+    let times = "if(lt(N,10),N/10,N*0.3-2)/TB";
+    let varies = making.uneven(&making.path("steady.mp4"), "varies.mkv", times);
+    for video in [steady, rotate(&making.path("steady.mp4"), 90), varies, making.path("short.mkv")]
+    {
+        for decoder in decoders() {
+            let (all, ended) = all_frames(&video, decoder, FrameSize::Full);
+            let asked = [3, 4, 57, 110, 225];
+            let opened = Video::open(&video, choice(decoder)).unwrap();
+            let mut reader = opened.read_some(FrameSize::Full, &asked).unwrap();
+            let mut some = Vec::new();
+            while let Some(frame) = reader.next_frame().unwrap() {
+                some.push(frame);
+            }
+            for number in asked.into_iter().filter(|number| *number < all.len()) {
+                let frame = some.iter().find(|frame| frame.time == all[number].time).unwrap();
+                assert!(frame.luma() == all[number].luma(), "{decoder:?} {video:?} {number}");
+            }
+            assert_eq!(reader.ended(), Some(&ended), "{video:?}");
+            let few = some.len() <= asked.len() + 3;
+            assert!(few || decoder == Decoder::Gstreamer, "{} of {}", some.len(), all.len());
+        }
+    }
+}
+
+#[test]
 fn what_is_no_video_is_told() {
     let making = Making::new();
     let open = |name: &str, decoder| Video::open(&making.path(name), choice(decoder));
@@ -136,7 +168,7 @@ fn choose(making: &Making, videos: &[&str], options: &ChoiceOptions) -> (Record,
     let videos: Vec<_> = videos.iter().map(|name| making.path(name)).collect();
     let mut notes = Vec::new();
     let chosen = frames_for_mapping(&videos, &making.path("frames"), options, &mut |progress| {
-        if let Progress::Note(note) = progress {
+        if let Progress::Warns(note) = progress {
             notes.push(note);
         }
     });
@@ -214,7 +246,7 @@ fn a_folder_of_frames_is_kept_until_something_changes() {
     making.write("mine/notes.txt", b"mine");
     let error =
         frames_for_mapping(&[making.path("pan.mp4")], &making.path("mine"), &options, &mut |_| {});
-    assert!(matches!(error, Err(VideoError::Foreign { .. })), "{error:?}");
+    assert!(matches!(error, Err(VideoError::Folder(FolderError::Foreign { .. }))), "{error:?}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod print;
 mod recovery;
 pub(crate) mod report;
 mod scaling;
+mod similarity;
 pub(crate) mod stages;
 pub(crate) mod statistics;
 pub(crate) mod steady;

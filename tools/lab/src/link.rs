@@ -15,12 +15,14 @@ use nvsprior::image::Preprocessor;
 use nvsprior::modem::{
     Loss, ModemError, Protection, RateControlOptions, Sender, SenderOptions, UpdateOptions,
 };
+use nvsprior::residual::Tune;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::mode::ModeArgs;
+use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::channel::ChannelOptions;
 use nvsprior_link::forth_and_back;
@@ -52,6 +54,8 @@ pub struct Args {
     link: LinkArgs,
     #[command(flatten)]
     mode: ModeArgs,
+    #[command(flatten)]
+    tune: TuneArgs,
     /// The vehicle learns what its frames show and the prior does not. It sends updates of the prior beside its
     /// packets, and draws with each as soon as the topside holds it
     #[arg(long)]
@@ -163,6 +167,7 @@ enum Preset {
 #[derive(Clone, Debug)]
 struct Setting {
     mode: Mode,
+    tune: Tune,
     bit_rate: f64,
     mtu: usize,
     overhead: usize,
@@ -204,6 +209,7 @@ impl LinkArgs {
         let spread = if assumed.chance > 0.0 { 0.5 * left } else { 0.0 };
         let setting = Setting {
             mode,
+            tune: args.tune.tune(),
             bit_rate: self.bit_rate.unwrap_or(bit_rate),
             mtu: self.mtu.unwrap_or(mtu).into(),
             overhead: self.overhead,
@@ -255,8 +261,8 @@ impl Setting {
 
     /// The vehicle's side; [`Footage`] has its frames treated.
     fn vehicle(&self, threshold: f64) -> VehicleOptions {
-        let (sender, mode) = (self.sender(), self.mode);
-        VehicleOptions { sender, mode, threshold, frames_treated: true, truth: true }
+        let (sender, mode, tune) = (self.sender(), self.mode, self.tune);
+        VehicleOptions { sender, mode, tune, threshold, frames_treated: true, truth: true }
     }
 
     /// The channel, for a run of so many seconds.
@@ -391,6 +397,7 @@ mod tests {
     pub fn setting() -> Setting {
         Setting {
             mode: Mode::Intra,
+            tune: Tune::Psnr,
             bit_rate: 4_000.0,
             mtu: 64,
             overhead: 0,

@@ -6,6 +6,7 @@ use nvsprior::learning::LearnOptions;
 use nvsprior::modem::{Division, ModemError, PacketState, Report, Sender, SenderOptions};
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
+use nvsprior::residual::Tune;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Error, Mode, Picture, Rate};
 
@@ -14,6 +15,7 @@ use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Error, Mode, Pi
 pub struct VehicleOptions {
     pub sender: SenderOptions,
     pub mode: Mode,
+    pub tune: Tune,
     /// See [`EncoderOptions::threshold`].
     pub threshold: f64,
     /// See [`EncoderOptions::frames_treated`].
@@ -106,9 +108,9 @@ impl Vehicle {
         camera: &Camera,
         options: &VehicleOptions,
     ) -> anyhow::Result<Vehicle> {
-        let VehicleOptions { sender, mode, threshold, frames_treated, truth } = *options;
+        let VehicleOptions { sender, mode, tune, threshold, frames_treated, truth } = *options;
         let options =
-            EncoderOptions { threshold, frames_treated, mode, truth, ..Default::default() };
+            EncoderOptions { threshold, frames_treated, mode, tune, truth, ..Default::default() };
         let mut encoder = Encoder::new(engine, scene, camera, options)?;
         let learns = sender.updates.is_some();
         let sender = Sender::new(sender)?;

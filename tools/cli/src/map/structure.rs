@@ -1,28 +1,24 @@
-//! Pictures without poses: COLMAP finds these first.
+//! Pictures without poses: COLMAP or pycolmap finds these first.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use clap::ValueEnum;
-use indicatif::ProgressBar;
-use nvsprior_inputs::args::progress;
 use nvsprior_inputs::navigation;
 use nvsprior_inputs::posed::PosedPictures;
 use nvsprior_inputs::structure::{
-    DEPTH, Finder, Lenses, Matching, Navigation, Progress, Step, Structure, StructureOptions,
-    find_poses,
+    DEPTH, Finder, Lenses, Matching, Navigation, Structure, StructureOptions, find_poses,
 };
 
 use nvsprior_inputs::values;
 
 use super::report::Poses;
 use super::saved::beside;
-use super::video::Unposed;
+use super::shown::Shown;
 
 /// Which pictures to find poses of, and how.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Pictures without poses (by COLMAP)")]
+#[command(next_help_heading = "Pictures without poses (by COLMAP or pycolmap)")]
 pub struct StructureArgs {
     /// Pictures without poses: a folder of them, or video files, of which frames are chosen into the folder
     /// OUT.frames. Their poses are found in the folder OUT.colmap. Both folders are kept: what is finished there is
@@ -141,7 +137,7 @@ impl StructureArgs {
                 Some(MatchingArg::Sequential) => Matching::Sequential,
             },
             sequence: pictures.sequence,
-            size: how.width.unwrap_or(u32::MAX).max(MATCHED),
+            size: how.matched(),
             masks: how.masks.map(Path::to_path_buf),
             navigation: None,
             seed: how.seed,
@@ -170,41 +166,18 @@ pub struct Search<'a> {
     pub seed: u64,
 }
 
-const BAR: f64 = 1000.0;
-
-/// The steps on standard error: a line each, and a bar while one runs.
-#[derive(Default)]
-struct Shown {
-    running: Option<(Instant, ProgressBar)>,
-}
-
-impl Shown {
-    fn show(&mut self, progress: Progress) {
-        match progress {
-            Progress::Says(text) => eprintln!("{text}"),
-            Progress::Begins(step) => {
-                eprintln!("{} …", step.name());
-                self.running = Some((Instant::now(), bar(step)));
-            }
-            Progress::WasDone(step) => eprintln!("{}: done before", step.name()),
-            Progress::At(share) => {
-                if let Some((_, bar)) = &self.running {
-                    bar.set_position((share * BAR) as u64);
-                }
-            }
-            Progress::Ends(step) => {
-                if let Some((start, bar)) = self.running.take() {
-                    bar.finish_and_clear();
-                    let seconds = start.elapsed().as_secs();
-                    eprintln!("{}: done in {seconds} s", step.name());
-                }
-            }
-        }
+impl Search<'_> {
+    /// Longest side to which pictures are reduced for matching, pixels.
+    pub fn matched(&self) -> u32 {
+        self.width.unwrap_or(u32::MAX).max(MATCHED)
     }
 }
 
-fn bar(step: Step) -> ProgressBar {
-    progress(BAR as usize, step.name())
+/// Pictures without poses.
+pub struct Unposed {
+    pub folder: PathBuf,
+    /// They are frames of a video, in the order of time.
+    pub sequence: bool,
 }
 
 /// In what unit and axes the poses are.
@@ -232,11 +205,8 @@ fn unit(found: &Structure) -> String {
 
 /// Names of pictures that a warning lists.
 const LISTED: usize = 10;
-/// Share of the pictures without a pose that deserves a warning.
-const MANY: f64 = 0.2;
-
 fn describe(found: &Structure) {
-    let Structure { posed, pictures, missing, pieces, .. } = found;
+    let Structure { posed, pictures, missing, .. } = found;
     let registered = posed.inputs.len();
     let error = found.reprojection_error.map(|error| format!(", error {error:.2} pixels"));
     let error = error.unwrap_or_default();
@@ -251,23 +221,4 @@ fn describe(found: &Structure) {
     let others = missing.len().saturating_sub(LISTED);
     let others = if others > 0 { format!(" and {others} more") } else { String::new() };
     eprintln!("no pose was found of {listed}{others}; they are left out");
-    if missing.len() as f64 <= MANY * *pictures as f64 {
-        return;
-    }
-    let parts = match &pieces[..] {
-        [_, others @ ..] if !others.is_empty() => {
-            let others: Vec<_> = others.iter().map(usize::to_string).collect();
-            format!(
-                " They fall into {} pieces that nothing joins ({registered}, {} pictures), of which the largest is \
-                 taken: film a way from one to the other, or map each by itself.",
-                pieces.len(),
-                others.join(", ")
-            )
-        }
-        _ => String::new(),
-    };
-    eprintln!(
-        "warning: many pictures have no pose; the prior will not show what only they show.{parts} Pictures that \
-         overlap more, or --matching exhaustive, may help"
-    );
 }

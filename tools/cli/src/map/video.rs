@@ -1,15 +1,13 @@
 //! `nvsprior map VIDEO...`: frames of videos become the pictures.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
 use nvsprior_inputs::values::{self, WrongUsage};
-use nvsprior_inputs::video::{
-    ChoiceOptions, DecoderChoice, Progress, Record, Video, frames_for_mapping,
-};
+use nvsprior_inputs::video::{ChoiceOptions, DecoderChoice, Record, frames_for_mapping};
 
 use super::saved::beside;
+use super::shown::Shown;
+use super::structure::{Search, Unposed};
 
 /// Which frames of a video.
 #[derive(clap::Args)]
@@ -32,13 +30,6 @@ pub enum Given {
     Nothing,
     Folder(PathBuf),
     Videos(Vec<PathBuf>),
-}
-
-/// Pictures without poses.
-pub struct Unposed {
-    pub folder: PathBuf,
-    /// They are frames of a video, in the order of time.
-    pub sequence: bool,
 }
 
 impl VideoArgs {
@@ -68,92 +59,26 @@ impl VideoArgs {
         }
     }
 
-    /// The folder of pictures; of videos, after their frames were chosen into one beside `out`.
-    pub fn pictures(&self, given: Given, out: &Path) -> anyhow::Result<Option<Unposed>> {
+    /// The folder of pictures; of videos, after their frames were chosen into one beside the prior.
+    pub fn pictures(&self, given: Given, how: &Search) -> anyhow::Result<Option<Unposed>> {
         let videos = match given {
             Given::Nothing => return Ok(None),
             Given::Folder(folder) => return Ok(Some(Unposed { folder, sequence: false })),
             Given::Videos(videos) => videos,
         };
-        let folder = beside(out, ".frames");
+        let folder = beside(how.out, ".frames");
         let overlap = f64::from(self.overlap) / 100.0;
-        let options = ChoiceOptions { decoder: self.decoder, overlap, most: self.frames };
+        let options = ChoiceOptions {
+            decoder: self.decoder,
+            overlap,
+            most: self.frames,
+            matched: how.matched(),
+        };
         let mut shown = Shown::default();
         let record =
             frames_for_mapping(&videos, &folder, &options, &mut |progress| shown.show(progress))?;
-        describe(&record, &folder, shown.worked);
+        describe(&record, &folder, shown.worked());
         Ok(Some(Unposed { folder, sequence: true }))
-    }
-}
-
-/// The work on standard error: a line for each video and step, and a bar while one runs.
-#[derive(Default)]
-struct Shown {
-    running: Option<(Instant, &'static str, ProgressBar)>,
-    worked: bool,
-}
-
-const BAR: f64 = 1000.0;
-
-impl Shown {
-    fn show(&mut self, progress: Progress) {
-        match progress {
-            Progress::Opened(video) => {
-                self.worked = true;
-                opened(video);
-            }
-            Progress::Note(note) => eprintln!("warning: {note}"),
-            Progress::Begins(step, video) => {
-                eprintln!("{}: {} …", video.name(), step.name());
-                self.running = Some((Instant::now(), step.name(), bar(video.duration.is_some())));
-            }
-            Progress::At(share) => {
-                if let Some((.., bar)) = &self.running {
-                    match share {
-                        Some(share) => bar.set_position((share * BAR) as u64),
-                        None => bar.inc(1),
-                    }
-                }
-            }
-            Progress::Ends => {
-                if let Some((start, what, bar)) = self.running.take() {
-                    bar.finish_and_clear();
-                    eprintln!("{what}: done in {:.0} s", start.elapsed().as_secs_f64());
-                }
-            }
-        }
-    }
-}
-
-fn bar(known: bool) -> ProgressBar {
-    let (bar, style) = match known {
-        true => (ProgressBar::new(BAR as u64), "frames {bar:40} {percent} % {eta} left"),
-        false => (ProgressBar::new_spinner(), "frames {pos} in {elapsed}"),
-    };
-    match ProgressStyle::with_template(style) {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
-    }
-}
-
-fn opened(video: &Video) {
-    let header = &video.header;
-    let length = video.duration.map_or("unknown length".into(), |length| format!("{length:.1} s"));
-    eprintln!("{}: {}×{}, {length}", video.name(), header.width, header.height);
-    eprintln!("  {}", video.command);
-    if header.high_dynamic_range {
-        eprintln!(
-            "warning: {}: high dynamic range (PQ or HLG) is taken as it is, so pictures look pale; a video of \
-             standard range suits better",
-            video.name()
-        );
-    }
-    if !video.others.is_empty() {
-        eprintln!(
-            "{}: other tracks are left alone: {}; the time stamps in frames.json join them later",
-            video.name(),
-            video.others.join(", ")
-        );
     }
 }
 

@@ -66,6 +66,8 @@ fn the_coders_built_in_need_no_other_program() {
     }
     for (coder, inputs) in [
         ("wavelet", &["frame", "difference"][..]),
+        ("wavelet tuned to ssim", &["difference"]),
+        ("wavelet tuned to detection", &["difference"]),
         ("webp", &["frame", "difference"]),
         ("affine-webp", &["difference"]),
         ("found-affine-webp", &["difference"]),
@@ -74,7 +76,9 @@ fn the_coders_built_in_need_no_other_program() {
             let points = rows(&report, coder, input);
             assert!(points.len() > 3, "{coder}: {points:?}");
             let (first, last) = (points[0], points[points.len() - 1]);
-            assert!(number(last, "psnr") > number(first, "psnr"), "{coder}, {input}");
+            for name in ["psnr", "ssim"] {
+                assert!(number(last, name) > number(first, name), "{coder}, {input}: {name}");
+            }
         }
     }
     for coder in OTHERS {

@@ -8,9 +8,8 @@ use std::time::Duration;
 use glam::{DQuat, DVec3};
 use nvsprior::{Pose, Prior};
 use nvsprior_basin::{Conditions, Site, mapping_run};
-use nvsprior_inputs::structure::{
-    DEPTH, Finder, Lenses, Matching, Progress, StructureOptions, find_poses,
-};
+use nvsprior_inputs::progress::Progress;
+use nvsprior_inputs::structure::{DEPTH, Finder, Lenses, Matching, StructureOptions, find_poses};
 
 use crate::dive::{Dive, Run, save};
 use crate::scene::pose;
@@ -125,7 +124,7 @@ fn commands(dive: &Dive) -> Vec<String> {
 fn poses_are_found_once_and_a_prior_is_trained() {
     let dive = dive();
     let found = run(&dive, MAP).ends_with(0).says("poses of 3 of 4 pictures");
-    found.says("no pose was found of 3.png").says("warning: many pictures have no pose");
+    found.says("no pose was found of 3.png").says("warning: 1 of 4 pictures have no pose");
     let made = calls(&dive);
     let options = [
         ("feature_extractor", "--FeatureExtraction.use_gpu 0"),
@@ -229,7 +228,7 @@ fn a_step_that_fails_is_named_and_goes_on_later() {
     for step in steps {
         let fails = dive.path(&format!("fail-{step}"));
         std::fs::write(&fails, "").unwrap();
-        let failed = run(&dive, MAP).ends_with(1).says(&format!("colmap {step} failed"));
+        let failed = run(&dive, MAP).ends_with(1).says(&format!("COLMAP {step} failed"));
         failed.says("status: 3").says("something broke").says("a.ply.colmap/colmap.log");
         assert_eq!(commands(&dive).last().map(String::as_str), Some(step));
         std::fs::remove_file(fails).unwrap();

@@ -1,10 +1,12 @@
 //! Which program finds poses: COLMAP 4, pycolmap, or an older COLMAP.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
+use super::StructureError;
 use super::program::Program;
-use super::{Progress, StructureError};
+use crate::child;
+use crate::progress::{Progress, Watch};
 
 /// Which program finds poses.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,7 +28,7 @@ const PYTHON: &str = "python3";
 
 impl Finder {
     /// Finds the program. `watch` is told before anything is installed.
-    pub fn find(&self, watch: &mut dyn FnMut(Progress)) -> Result<Program, StructureError> {
+    pub fn find(&self, watch: Watch) -> Result<Program, StructureError> {
         match self {
             Finder::File(path) => Program::colmap(path).or_else(|_| Program::python(path)),
             Finder::Colmap => Program::colmap(Path::new(COLMAP)),
@@ -44,7 +46,7 @@ impl Finder {
 }
 
 /// A Python that has pycolmap: the system's, or one of its own that is made.
-fn pycolmap(watch: &mut dyn FnMut(Progress)) -> Result<Program, StructureError> {
+fn pycolmap(watch: Watch) -> Result<Program, StructureError> {
     if let Ok(program) = Program::python(Path::new(PYTHON)) {
         return Ok(program);
     }
@@ -87,24 +89,21 @@ fn install(place: &Path) -> Result<(), StructureError> {
 }
 
 fn venv(folder: &Path) -> Result<(), StructureError> {
-    said(Command::new(PYTHON).args(["-m", "venv"]).arg(folder))?;
+    let mut make = Command::new(PYTHON);
+    make.args(["-m", "venv"]).arg(folder);
+    run(make)?;
     // Only as it is packed: to build it takes COLMAP's sources.
     let pip = ["-m", "pip", "install", "--quiet", "--retries", "1", "--timeout", "20"];
     let mut install = Command::new(folder.join("bin").join(PYTHON));
-    said(install.args(pip).args(["--only-binary", ":all:", PACKAGE]))
+    install.args(pip).args(["--only-binary", ":all:", PACKAGE]);
+    run(install)
 }
 
 /// Runs a command; the error has its last words.
-fn said(command: &mut Command) -> Result<(), StructureError> {
-    let output = command.stdin(Stdio::null()).output();
-    let output = output.map_err(|error| not_installed(&format!("{PYTHON}: {error}")))?;
-    if output.status.success() {
-        return Ok(());
-    }
-    let all = [output.stdout, output.stderr].concat();
-    let all = String::from_utf8_lossy(&all);
-    let last = all.lines().rev().find(|line| line.chars().any(char::is_alphanumeric));
-    Err(not_installed(last.unwrap_or("python failed").trim()))
+fn run(command: Command) -> Result<(), StructureError> {
+    let ended =
+        child::run(command).map_err(|error| not_installed(&format!("{PYTHON}: {error}")))?;
+    ended.map_err(|last| not_installed(&last))
 }
 
 fn not_installed(why: &str) -> StructureError {

@@ -64,6 +64,22 @@ pub enum Doubtful {
          wide; one of the two is wrong"
     )]
     Elsewhere { off: f64, span: f64 },
+    #[error(
+        "{left_out}: they fall into pieces of {pieces} pictures that nothing joins, of which the largest is taken; \
+         film a way from one to the other, or map each by itself"
+    )]
+    Pieces { left_out: String, pieces: String },
+    #[error(
+        "{left_out}: they have {percent:.0} % of the others' contrast, as in darkness or silt; film that part again \
+         with more light, or in clearer water"
+    )]
+    Dim { left_out: String, percent: f64 },
+    #[error(
+        "{left_out}: nothing joins them to the others; take pictures that overlap more (of a video with --overlap \
+         85){}",
+        if *all_compared { "" } else { ", or compare all of them with --matching exhaustive" }
+    )]
+    Alone { left_out: String, all_compared: bool },
 }
 
 /// Mean of the points' errors, pixels.

@@ -3,9 +3,9 @@
 //! COLMAP 4, or pycolmap by the same command line, solves for all poses at once. COLMAP 3.8 (Debian's) and later ones
 //! are run as well. All run on the CPU. Options that were renamed are told by each step's help.
 
-mod estimate;
 mod finding;
 mod judge;
+mod missing;
 mod pairs;
 mod pictures;
 mod program;
@@ -18,8 +18,10 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use crate::colmap::{ColmapError, ColmapModel};
+use crate::locked_folder::FolderError;
 use crate::navigation::{Alignment, NavigationError, StatedCourse, align};
-use crate::posed::{PosedError, PosedOptions, PosedPictures, posed_pictures};
+use crate::posed::{PosedError, PosedPictures, pictures_of_model};
+use crate::progress::{Progress, Watch};
 use crate::video::{VideoError, frame_times};
 pub use finding::Finder;
 pub use judge::Doubtful;
@@ -113,8 +115,6 @@ pub struct Structure {
     pub pictures: usize,
     /// Names of those whose poses were not found.
     pub missing: Vec<String>,
-    /// How many pictures each piece has that hangs together, the largest first: that one is taken.
-    pub pieces: Vec<usize>,
     /// Mean over the points of their reprojection error, pixels of the pictures as they are.
     pub reprojection_error: Option<f64>,
     /// What gives reason to doubt the poses.
@@ -127,22 +127,9 @@ pub struct Structure {
     pub scale: f64,
 }
 
-/// What a running step says of itself.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Progress {
-    /// What a user should know.
-    Says(String),
-    Begins(Step),
-    /// It was finished by an earlier run.
-    WasDone(Step),
-    /// Share of it that is done, 0 to 1. COLMAP's mapper may begin again.
-    At(f64),
-    Ends(Step),
-}
-
 /// A step of the search for poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
+enum Step {
     /// All pictures are read once, before hours of work.
     Check,
     /// COLMAP's `feature_extractor`.
@@ -155,13 +142,14 @@ pub enum Step {
 
 impl Step {
     /// What it does.
-    pub fn name(self) -> &'static str {
-        match self {
+    fn name(self) -> String {
+        let name = match self {
             Step::Check => "checking pictures",
             Step::Features => "finding features",
             Step::Matches => "matching features",
             Step::Mapper => "finding poses",
-        }
+        };
+        name.to_owned()
     }
 }
 
@@ -187,18 +175,15 @@ pub enum StructureError {
         a folder and give --lenses folder, or give --lenses picture", path.display(), found.0,
         found.1, first.display(), expected.0, expected.1)]
     Sizes { path: PathBuf, found: (u32, u32), first: PathBuf, expected: (u32, u32) },
-    #[error("{}: holds other things than poses that were looked for before; move it, or write the \
-        prior elsewhere", path.display())]
-    Foreign { path: PathBuf },
-    #[error("{}: another run, or a COLMAP that one left behind, is at work in it", path.display())]
-    Busy { path: PathBuf },
-    #[error("colmap {command} {ended}; its last words: {last}; all of them: {}", log.display())]
-    Step { command: String, ended: Ended, last: String, log: PathBuf },
-    #[error("COLMAP found no two pictures to begin with: they must overlap, show texture, and be \
-        taken from different places; what it tried: {}", log.display())]
-    NoModel { log: PathBuf },
-    #[error("COLMAP found the pose of {found} picture; all that it tried: {}", log.display())]
-    TooFew { found: usize, log: PathBuf },
+    #[error("{program} {command} {ended}; its last words: {last}; all of them: {}", log.display())]
+    Step { program: &'static str, command: String, ended: Ended, last: String, log: PathBuf },
+    #[error("{program} found no two pictures to begin with: they must be sharp, overlap, show texture, and be taken \
+        from different places; what it tried: {}", log.display())]
+    NoModel { program: &'static str, log: PathBuf },
+    #[error("{program} found the pose of {found} picture; all that it tried: {}", log.display())]
+    TooFew { program: &'static str, found: usize, log: PathBuf },
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     #[error(transparent)]
     Colmap(#[from] ColmapError),
     #[error(transparent)]
@@ -221,7 +206,7 @@ pub fn find_poses(
     pictures: &Path,
     work: &Path,
     options: &StructureOptions,
-    watch: &mut dyn FnMut(Progress),
+    watch: Watch,
 ) -> Result<Structure, StructureError> {
     let listed = Listed::of(pictures, options.lenses)?;
     let mut workplace = Workplace::open(work)?;
@@ -232,31 +217,29 @@ pub fn find_poses(
         watch(Progress::Says(slow.to_owned()));
     }
     let seconds = workplace.run(&program, &listed, options, watch)?;
-    let log = workplace.log();
+    let (log, name) = (workplace.log(), program.name());
     let models = models(&workplace.sparse())?;
-    let pieces = models.iter().map(|(pictures, _)| *pictures).collect();
-    let (_, model) = models.into_iter().next().ok_or(StructureError::NoModel { log })?;
-    let posed = posed_pictures(
-        &model,
-        &PosedOptions {
-            pictures: Some(listed.folder),
-            masks: options.masks.clone(),
-            ..PosedOptions::default()
-        },
-    )?;
+    let pieces: Vec<usize> = models.iter().map(|(_, model)| model.views.len()).collect();
+    let no_model = || StructureError::NoModel { program: name, log: log.clone() };
+    let (model, read) = models.into_iter().next().ok_or_else(no_model)?;
+    let masks = options.masks.as_deref();
+    let posed = pictures_of_model(read, (&model, &listed.folder), masks)?;
     if posed.inputs.len() < 2 {
-        let (found, log) = (posed.inputs.len(), workplace.log());
-        return Err(StructureError::TooFew { found, log });
+        return Err(StructureError::TooFew { program: name, found: posed.inputs.len(), log });
     }
     let found: HashSet<_> = posed.inputs.iter().map(|input| input.name.as_str()).collect();
-    let missing = listed.names.iter().filter(|name| !found.contains(name.as_str()));
-    let (missing, pictures) = (missing.cloned().collect(), listed.names.len());
+    let (found, missing): (Vec<_>, Vec<_>) =
+        listed.names.iter().partition(|name| found.contains(name.as_str()));
+    let missing: Vec<String> = missing.into_iter().cloned().collect();
+    let left_out = missing::reason(&listed.folder, (&found, &missing), &pieces, options.matching);
+    let pictures = listed.names.len();
     let stated = options.camera_params.as_ref();
     let freed = stated.map(|_| workplace.freed(&program, &model)).transpose()?;
     let freed = freed.map(|folder| ColmapModel::open(&folder)).transpose()?;
     let (mut posed, scale) = unit::scaled(posed);
     let reprojection_error = judge::reprojection_error(&posed);
     let mut doubtful = judge::doubtful(&posed, options.size, reprojection_error);
+    doubtful.extend(left_out);
     doubtful.extend(freed.and_then(|freed| judge::stated_lens(&posed, &freed)));
     let navigation = options.navigation.as_ref();
     let alignment = navigation.map(|navigation| navigation.align(&mut posed)).transpose()?;
@@ -267,7 +250,6 @@ pub fn find_poses(
         alignment,
         pictures,
         missing,
-        pieces,
         reprojection_error,
         doubtful,
         seconds,
@@ -276,15 +258,18 @@ pub fn find_poses(
     })
 }
 
-/// The models' numbers of pictures, and their folders; the one with most pictures first.
-fn models(sparse: &Path) -> Result<Vec<(usize, PathBuf)>, StructureError> {
+/// The models and their folders; the one with most pictures first.
+fn models(sparse: &Path) -> Result<Vec<(PathBuf, ColmapModel)>, StructureError> {
     let mut models = Vec::new();
     for entry in std::fs::read_dir(sparse).map_err(StructureError::file(sparse))? {
         let folder = entry.map_err(StructureError::file(sparse))?.path();
         if ColmapModel::is_in(&folder) {
-            models.push((ColmapModel::open(&folder)?.views.len(), folder));
+            let model = ColmapModel::open(&folder)?;
+            models.push((folder, model));
         }
     }
-    models.sort_by(|a, b| b.0.cmp(&a.0).then_with(|| a.1.cmp(&b.1)));
+    models.sort_by(|(a, one), (b, other)| {
+        other.views.len().cmp(&one.views.len()).then_with(|| a.cmp(b))
+    });
     Ok(models)
 }

@@ -9,7 +9,7 @@ use super::Matching;
 const OVERLAP: usize = 8;
 const FARTHEST: usize = 128;
 /// Up to so many pictures are all compared with each other.
-const ALL: usize = 2 * OVERLAP;
+pub const ALL: usize = 2 * OVERLAP;
 /// Places that each picture is compared with, beside those near it.
 const PLACES: usize = 3;
 /// As [`PLACES`], if the order of names is not that of time.

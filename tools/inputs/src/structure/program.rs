@@ -1,19 +1,20 @@
 //! A program that finds poses, by COLMAP's command line: what it can do, and a run of one of its commands.
 
-use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
+use std::time::Duration;
 
 use super::StructureError;
+use super::record::Record;
+use crate::child::{LastWords, Running};
+use crate::locked_folder::LockedFolder;
 
 /// pycolmap by COLMAP's command line.
 const BY_PYTHON: &str = include_str!("colmap_by_python.py");
 /// COLMAP's mapper that solves for all pictures at once: COLMAP 4 has it.
 pub const GLOBAL: &str = "global_mapper";
-/// Lines of the output that an error shows.
-const LAST: usize = 6;
 
 /// COLMAP, or a Python with pycolmap.
 #[derive(Debug)]
@@ -42,14 +43,6 @@ impl Ended {
     }
 }
 
-pub struct WorkFolder<'a> {
-    pub folder: &'a Path,
-    /// What it says is added here.
-    pub log: &'a Path,
-    /// A locked file: the lock holds until the command has ended, also if this program ends before.
-    pub lock: &'a File,
-}
-
 impl Program {
     /// A COLMAP, by its path or its name on the PATH.
     pub fn colmap(path: &Path) -> Result<Program, StructureError> {
@@ -71,6 +64,11 @@ impl Program {
         }
     }
 
+    /// What it is, for messages.
+    pub fn name(&self) -> &'static str {
+        if self.script.is_some() { "pycolmap" } else { "COLMAP" }
+    }
+
     /// The first line of its help.
     pub fn version(&self) -> &str {
         self.help.lines().next().unwrap_or_default().trim()
@@ -89,38 +87,37 @@ impl Program {
     pub fn run(
         &self,
         arguments: &[String],
-        place: &WorkFolder,
+        place: &LockedFolder<Record>,
         mut line: impl FnMut(&str),
     ) -> Result<(), StructureError> {
-        let failed = StructureError::file(place.log);
-        let mut log = File::options().create(true).append(true).open(place.log).map_err(&failed)?;
+        let path = place.log();
+        let failed = StructureError::file(&path);
+        let mut log = File::options().create(true).append(true).open(&path).map_err(&failed)?;
         writeln!(log, "\n$ colmap {}    # {}", arguments.join(" "), self.version())
             .map_err(&failed)?;
         let (output, writer) = std::io::pipe().map_err(&failed)?;
         let mut command = self.command(arguments);
-        command.current_dir(place.folder);
+        command.current_dir(&place.path);
+        // So the lock holds until the command has ended, also if this program ends before.
         command.stdin(place.lock.try_clone().map_err(&failed)?);
         command.stdout(writer.try_clone().map_err(&failed)?).stderr(writer);
-        let mut child = Running(command.spawn().map_err(StructureError::file(&self.path))?);
-        // The pipe ends when the child's is the last end.
-        drop(command);
-        let mut last = VecDeque::new();
+        let mut running = Running::start(command).map_err(StructureError::file(&self.path))?;
+        let mut last = LastWords::default();
         let mut lines = BufReader::new(output);
         let mut bytes = Vec::new();
         while lines.read_until(b'\n', &mut bytes).map_err(&failed)? > 0 {
             log.write_all(&bytes).map_err(&failed)?;
             let said = String::from_utf8_lossy(&bytes);
             line(&said);
-            remember(&mut last, said.trim());
+            last.add(&said);
             bytes.clear();
         }
-        let status = child.0.wait().map_err(&failed)?;
+        let (status, _) = running.end(Duration::MAX).map_err(&failed)?;
         if status.success() {
             return Ok(());
         }
-        let last = last.into_iter().collect::<Vec<_>>().join(" / ");
-        let (command, log) = (arguments[0].clone(), place.log.to_path_buf());
-        Err(StructureError::Step { command, ended: Ended(status), last, log })
+        let (program, command, log) = (self.name(), arguments[0].clone(), place.log());
+        Err(StructureError::Step { program, command, ended: Ended(status), last: last.text(), log })
     }
 
     /// A command without a window.
@@ -144,27 +141,6 @@ impl Program {
         })?;
         let all = [output.stdout, output.stderr].concat();
         Ok(String::from_utf8_lossy(&all).into_owned())
-    }
-}
-
-/// Keeps the last lines that say something.
-fn remember(last: &mut VecDeque<String>, line: &str) {
-    if line.chars().any(char::is_alphanumeric) {
-        last.push_back(line.to_owned());
-        if last.len() > LAST {
-            last.pop_front();
-        }
-    }
-}
-
-/// A child that does not outlive this run of it.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Both fail if it has ended, which is as well.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
     }
 }
 

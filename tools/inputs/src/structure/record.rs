@@ -1,16 +1,10 @@
 //! What was done in a work folder: `steps.json`.
 
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use nvsprior::prior::replace_file;
-
-use super::StructureError;
-
-/// The locked file of a work folder.
-pub const LOCK: &str = "lock";
+use crate::locked_folder::FolderRecord;
 
 /// A step that was begun.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +25,12 @@ pub struct Record {
     pub steps: Vec<Begun>,
 }
 
+impl FolderRecord for Record {
+    const FILE: &'static str = "steps.json";
+    const KEPT: &'static str = "poses that were looked for before";
+    const WORKER: &'static str = "another run, or a COLMAP that one left behind,";
+}
+
 /// What a record says of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
@@ -44,28 +44,6 @@ pub enum Standing {
 }
 
 impl Record {
-    /// Reads the record of a folder; an empty one if the folder holds nothing but a lock.
-    pub fn open(folder: &Path) -> Result<Record, StructureError> {
-        let path = place(folder);
-        let foreign = || StructureError::Foreign { path: folder.to_path_buf() };
-        match std::fs::read(&path) {
-            Ok(bytes) => serde_json::from_slice(&bytes).map_err(|_| foreign()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                let entries = std::fs::read_dir(folder).map_err(StructureError::file(folder))?;
-                let only_lock = entries.flatten().all(|entry| entry.file_name() == LOCK);
-                if only_lock { Ok(Record::default()) } else { Err(foreign()) }
-            }
-            Err(error) => Err(StructureError::File { path, error }),
-        }
-    }
-
-    pub fn write(&self, folder: &Path) -> Result<(), StructureError> {
-        let path = place(folder);
-        let failed = |error: std::io::Error| StructureError::File { path: path.clone(), error };
-        let bytes = serde_json::to_vec_pretty(self).map_err(|error| failed(error.into()))?;
-        replace_file(&path, &bytes).map_err(|error| failed(std::io::Error::other(error)))
-    }
-
     pub fn standing(&self, step: usize, arguments: &[String]) -> Standing {
         match self.steps.get(step) {
             None => Standing::New,
@@ -95,10 +73,6 @@ impl Record {
     }
 }
 
-fn place(folder: &Path) -> PathBuf {
-    folder.join("steps.json")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,23 +92,5 @@ mod tests {
         record.begin(0, &words("other"));
         assert_eq!(record.standing(0, &words("other")), Standing::Begun);
         assert_eq!(record.standing(1, &words("b")), Standing::New);
-    }
-
-    #[test]
-    fn records_come_back_and_foreign_folders_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Record::open(folder.path()).unwrap(), Record::default());
-        std::fs::write(folder.path().join(LOCK), "").unwrap();
-        assert_eq!(Record::open(folder.path()).unwrap(), Record::default());
-        let mut record = Record { pictures: "3 pictures".into(), ..Record::default() };
-        record.begin(0, &["a".into()]);
-        record.write(folder.path()).unwrap();
-        assert_eq!(Record::open(folder.path()).unwrap(), record);
-        std::fs::write(place(folder.path()), "{}").unwrap();
-        let error = Record::open(folder.path()).unwrap_err();
-        assert!(matches!(error, StructureError::Foreign { .. }), "{error}");
-        std::fs::rename(place(folder.path()), folder.path().join("notes.txt")).unwrap();
-        let error = Record::open(folder.path()).unwrap_err();
-        assert!(matches!(error, StructureError::Foreign { .. }), "{error}");
     }
 }

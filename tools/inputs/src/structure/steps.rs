@@ -1,16 +1,17 @@
 //! COLMAP's steps in a work folder.
 
-use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::colmap::ColmapModel;
+use crate::estimate::PoseEstimate;
+use crate::locked_folder::LockedFolder;
+use crate::progress::{Progress, Watch};
 
-use super::estimate::Estimate;
 use super::pictures::Listed;
-use super::program::{GLOBAL, Program, WorkFolder, mapped, registered, share};
-use super::record::{LOCK, Record, Standing};
-use super::{Lenses, Matching, Progress, Step, StructureError, StructureOptions};
+use super::program::{GLOBAL, Program, mapped, registered, share};
+use super::record::{Record, Standing};
+use super::{Lenses, Matching, Step, StructureError, StructureOptions};
 
 // What keeps a mapper from changing a lens that is known.
 const KEPT_LENS: [&str; 2] = ["ba_refine_focal_length", "ba_refine_extra_params"];
@@ -51,41 +52,17 @@ const SMALL_MAPPER: [&str; 6] = [
     "20",
 ];
 
-/// The folder that COLMAP works in, locked.
-pub struct Workplace {
-    folder: PathBuf,
-    lock: File,
-    record: Record,
-}
-
-type Watch<'a> = &'a mut dyn FnMut(Progress);
+/// The folder that COLMAP works in.
+pub type Workplace = LockedFolder<Record>;
 
 impl Workplace {
-    /// Makes the folder, or takes up what is in it.
-    pub fn open(folder: &Path) -> Result<Workplace, StructureError> {
-        std::fs::create_dir_all(folder).map_err(StructureError::file(folder))?;
-        let folder = std::path::absolute(folder).map_err(StructureError::file(folder))?;
-        Record::open(&folder)?;
-        let path = folder.join(LOCK);
-        let failed = StructureError::file(&path);
-        let lock = File::options().create(true).append(true).open(&path).map_err(&failed)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(StructureError::Busy { path: folder }),
-            Err(TryLockError::Error(error)) => return Err(failed(error)),
-        }
-        // It may have changed before the lock was had.
-        let record = Record::open(&folder)?;
-        Ok(Workplace { folder, lock, record })
-    }
-
     /// The file that holds all of COLMAP's output.
     pub fn log(&self) -> PathBuf {
-        self.folder.join("colmap.log")
+        self.path.join("colmap.log")
     }
 
     pub fn sparse(&self) -> PathBuf {
-        self.folder.join(SPARSE)
+        self.path.join(SPARSE)
     }
 
     /// Runs what is not done yet. Returns the seconds that all steps took.
@@ -98,7 +75,7 @@ impl Workplace {
     ) -> Result<f64, StructureError> {
         if self.record.pictures != listed.digest {
             self.record = Record { pictures: listed.digest.clone(), steps: Vec::new() };
-            self.record.write(&self.folder)?;
+            self.write()?;
         }
         let features = features(program, listed, options)?;
         let matches = matches(program, listed, options)?;
@@ -108,29 +85,29 @@ impl Workplace {
             true => Vec::new(),
             false => self.look(listed, options, watch)?,
         };
-        let mut estimate = Estimate::new(listed, options, &pairs);
+        let pictures = listed.names.len();
+        let mut estimate = PoseEstimate::new(pictures, pairs.len(), listed.widest, options.size);
         if !pairs.is_empty() {
-            watch(Progress::Says(estimate.text(Step::Features)));
+            watch(Progress::Says(estimate.text()));
         }
         self.step((0, Step::Features), program, &features, watch, |place, watch| {
             place.command(program, &features, |line| tell(share(line), watch))
         })?;
         if !pairs.is_empty() {
-            estimate.took(Step::Features, self.record.seconds(0));
-            watch(Progress::Says(estimate.text(Step::Matches)));
+            estimate.features_took(self.record.seconds(0));
+            watch(Progress::Says(estimate.text()));
         }
         self.step((1, Step::Matches), program, &matches, watch, |place, watch| {
-            let list = place.folder.join(pairs_file(options.matching));
+            let list = place.path.join(pairs_file(options.matching));
             place.compare(program, &matches, (listed, &list), &pairs, watch)
         })?;
         let mapper = mapper(program, listed, options);
-        let pictures = listed.names.len() as f64;
         self.step((2, Step::Mapper), program, &mapper, watch, |place, watch| {
-            let share = |line: &str| registered(line).map(|count| count as f64 / pictures);
+            let share = |line: &str| registered(line).map(|count| count as f64 / pictures as f64);
             let done = place.command(program, &mapper, |line| {
                 tell(mapped(line).or_else(|| share(line)), watch);
             });
-            done.or_else(|error| place.no_model(error))?;
+            done.or_else(|error| place.no_model(program, error))?;
             place.rename_models()
         })?;
         Ok((0..3).map(|step| self.record.seconds(step)).sum())
@@ -139,7 +116,7 @@ impl Workplace {
     /// The folder of the model as it becomes if the lens may change. One that was stated may be of another camera, or
     /// of the same one in air.
     pub fn freed(&self, program: &Program, model: &Path) -> Result<PathBuf, StructureError> {
-        let folder = self.folder.join(FREED);
+        let folder = self.path.join(FREED);
         if !ColmapModel::is_in(&folder) {
             std::fs::create_dir_all(&folder).map_err(StructureError::file(&folder))?;
             let model = model.to_string_lossy();
@@ -157,13 +134,13 @@ impl Workplace {
         options: &StructureOptions,
         watch: Watch,
     ) -> Result<Vec<(usize, usize)>, StructureError> {
-        watch(Progress::Begins(Step::Check));
+        watch(Progress::Begins(Step::Check.name()));
         let count = listed.names.len() as f64;
-        let seen = listed.look(|done| watch(Progress::At(done as f64 / count)))?;
-        let list = self.folder.join(LIST);
+        let seen = listed.look(|done| watch(Progress::At(Some(done as f64 / count))))?;
+        let list = self.path.join(LIST);
         std::fs::write(&list, listed.names.join("\n") + "\n")
             .map_err(StructureError::file(&list))?;
-        watch(Progress::Ends(Step::Check));
+        watch(Progress::Ends);
         let in_order = options.sequence || seen.in_order();
         if options.matching == Matching::Auto && !in_order {
             let says =
@@ -184,18 +161,18 @@ impl Workplace {
     ) -> Result<(), StructureError> {
         let standing = self.record.standing(index, arguments);
         if standing == Standing::Finished {
-            watch(Progress::WasDone(step));
+            watch(Progress::WasDone(step.name()));
             return Ok(());
         }
-        watch(Progress::Begins(step));
+        watch(Progress::Begins(step.name()));
         let start = Instant::now();
         self.record.begin(index, arguments);
-        self.record.write(&self.folder)?;
+        self.write()?;
         self.prepare(step, standing, program)?;
         run(self, watch)?;
         self.record.finish(start.elapsed());
-        self.record.write(&self.folder)?;
-        watch(Progress::Ends(step));
+        self.write()?;
+        watch(Progress::Ends);
         Ok(())
     }
 
@@ -215,7 +192,7 @@ impl Workplace {
             std::fs::write(list, lines.collect::<String>()).map_err(StructureError::file(list))?;
             self.command(program, arguments, |_| {})?;
             done += some.len();
-            watch(Progress::At(done as f64 / pairs.len() as f64));
+            watch(Progress::At(Some(done as f64 / pairs.len() as f64)));
         }
         Ok(())
     }
@@ -244,7 +221,7 @@ impl Workplace {
                 self.command(program, &words.map(str::to_owned), |_| {})
             }
             (Step::Mapper, _) => {
-                let folder = self.folder.join(SPARSE_PART);
+                let folder = self.path.join(SPARSE_PART);
                 std::fs::create_dir(&folder).map_err(StructureError::file(&folder))
             }
             _ => Ok(()),
@@ -253,7 +230,7 @@ impl Workplace {
 
     /// Removes a file or a folder of the work folder, if it is there.
     fn remove(&self, name: &str) -> Result<(), StructureError> {
-        let path = self.folder.join(name);
+        let path = self.path.join(name);
         let removed = match path.symlink_metadata() {
             Ok(metadata) if metadata.is_dir() => std::fs::remove_dir_all(&path),
             Ok(_) => std::fs::remove_file(&path),
@@ -268,25 +245,24 @@ impl Workplace {
         arguments: &[String],
         line: impl FnMut(&str),
     ) -> Result<(), StructureError> {
-        let place = WorkFolder { folder: &self.folder, log: &self.log(), lock: &self.lock };
-        program.run(arguments, &place, line)
+        program.run(arguments, self, line)
     }
 
     /// A mapper fails with exit code 1 if it makes no model: that needs other words.
-    fn no_model(&self, error: StructureError) -> Result<(), StructureError> {
+    fn no_model(&self, program: &Program, error: StructureError) -> Result<(), StructureError> {
         let code = match &error {
             StructureError::Step { ended, .. } => ended.code(),
             _ => None,
         };
-        let mut made = std::fs::read_dir(self.folder.join(SPARSE_PART)).into_iter().flatten();
+        let mut made = std::fs::read_dir(self.path.join(SPARSE_PART)).into_iter().flatten();
         match code == Some(1) && made.next().is_none() {
-            true => Err(StructureError::NoModel { log: self.log() }),
+            true => Err(StructureError::NoModel { program: program.name(), log: self.log() }),
             false => Err(error),
         }
     }
 
     fn rename_models(&self) -> Result<(), StructureError> {
-        let [from, to] = [self.folder.join(SPARSE_PART), self.sparse()];
+        let [from, to] = [self.path.join(SPARSE_PART), self.sparse()];
         std::fs::rename(&from, &to).map_err(StructureError::file(&from))
     }
 }
@@ -294,7 +270,7 @@ impl Workplace {
 /// Tells how much of a step is done, if a line says so.
 fn tell(share: Option<f64>, watch: Watch) {
     if let Some(share) = share {
-        watch(Progress::At(share.min(1.0)));
+        watch(Progress::At(Some(share.min(1.0))));
     }
 }
 

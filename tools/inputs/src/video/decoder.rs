@@ -83,11 +83,12 @@ impl Decoder {
     }
 
     /// The arguments that decode a video to standard output: Matroska with I420, times to a microsecond. Pixels
-    /// become square, and the video's rotation is done. No frame is doubled or left out.
-    pub fn arguments(self, video: &Path, size: FrameSize) -> Vec<OsString> {
+    /// become square, and the video's rotation is done. No frame is doubled or left out, unless `frames` is not empty:
+    /// then FFmpeg leaves out most others than those of these numbers.
+    pub fn arguments(self, video: &Path, size: FrameSize, frames: &[usize]) -> Vec<OsString> {
         match self {
             Decoder::Gstreamer => gstreamer(video, size),
-            Decoder::Ffmpeg => ffmpeg(video, size),
+            Decoder::Ffmpeg => ffmpeg(video, size, frames),
         }
     }
 }
@@ -110,13 +111,28 @@ fn gstreamer(video: &Path, size: FrameSize) -> Vec<OsString> {
 /// FFmpeg's Matroska has ticks of a millisecond, so it is given times a thousandfold.
 const FFMPEG_TIMES: u32 = 1000;
 
-fn ffmpeg(video: &Path, size: FrameSize) -> Vec<OsString> {
+/// Of frames that are left out, every so many is taken all the same: a decoder that works is not silent for long.
+const SIGN_OF_LIFE: usize = 100;
+/// More frames than these are not asked for by their numbers: an argument has a greatest length.
+const ASKED_FOR: usize = 4_000;
+
+/// FFmpeg's filter that leaves frames out.
+fn select(frames: &[usize]) -> String {
+    if frames.is_empty() || frames.len() > ASKED_FOR {
+        return String::new();
+    }
+    let each: String = frames.iter().map(|number| format!("+eq(n,{number})")).collect();
+    format!("select='not(mod(n,{SIGN_OF_LIFE})){each}',")
+}
+
+fn ffmpeg(video: &Path, size: FrameSize, frames: &[usize]) -> Vec<OsString> {
     let reduce = match size {
         FrameSize::Full => String::new(),
         FrameSize::AtMost(width) => format!("scale='min({width},iw)':-1:flags=area,"),
     };
     let filters = format!(
-        "scale=trunc(iw*sar+0.5):ih,setsar=1,{reduce}settb=1/1000000,setpts={FFMPEG_TIMES}*PTS"
+        "{}scale=trunc(iw*sar+0.5):ih,setsar=1,{reduce}settb=1/1000000,setpts={FFMPEG_TIMES}*PTS",
+        select(frames)
     );
     let words = |text: &str| text.split(' ').map(OsString::from).collect::<Vec<_>>();
     let mut arguments = words("-nostdin -v error -i");
@@ -176,7 +192,7 @@ mod tests {
     #[test]
     fn analysis_asks_for_small_frames() {
         for decoder in [Decoder::Gstreamer, Decoder::Ffmpeg] {
-            let text = |size| format!("{:?}", decoder.arguments(Path::new("/a.mp4"), size));
+            let text = |size| format!("{:?}", decoder.arguments(Path::new("/a.mp4"), size, &[]));
             assert!(text(FrameSize::AtMost(640)).contains("640"));
             assert!(!text(FrameSize::Full).contains("640"));
         }

@@ -1,10 +1,10 @@
 //! Numbered PNGs as a video, by the programs that decode videos.
 
-use std::ffi::OsString;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use super::decoder::{Decoder, DecoderChoice};
+use crate::child;
 
 #[derive(Debug, thiserror::Error)]
 pub enum EncoderError {
@@ -53,23 +53,18 @@ pub fn encode_video(
 
 fn run(decoder: Decoder, folder: &Path, rate: f64) -> Result<String, EncoderError> {
     let program = decoder.program();
-    let arguments = arguments(decoder, rate);
     let mut command = Command::new(program);
     // Names without folders need no escaping.
-    command.args(&arguments).current_dir(folder).stdin(Stdio::null());
-    let output = command.output().map_err(|error| EncoderError::Start { program, error })?;
-    let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
-    if output.status.success() {
-        return Ok(format!("{program} {}", words.join(" ")));
-    }
-    let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-    Err(EncoderError::Failed { program, said })
+    command.args(arguments(decoder, rate).split(' ')).current_dir(folder);
+    let shown = child::shown(&command);
+    let ended = child::run(command).map_err(|error| EncoderError::Start { program, error })?;
+    ended.map(|()| shown).map_err(|said| EncoderError::Failed { program, said })
 }
 
-fn arguments(decoder: Decoder, rate: f64) -> Vec<OsString> {
+fn arguments(decoder: Decoder, rate: f64) -> String {
     // Thousandths, so that no rate is rounded to whole frames.
     let rate = format!("{}/1000", (1000.0 * rate).round() as u64);
-    let text = match decoder {
+    match decoder {
         Decoder::Ffmpeg => format!(
             "-nostdin -v error -y -framerate {rate} -i {PATTERN} -c:v libx264 -crf 16 -pix_fmt yuv420p {MADE}"
         ),
@@ -77,6 +72,5 @@ fn arguments(decoder: Decoder, rate: f64) -> Vec<OsString> {
             "-q multifilesrc location={PATTERN} index=0 caps=image/png,framerate={rate} ! pngdec ! videoconvert ! \
              video/x-raw,format=I420 ! x264enc pass=qual quantizer=16 ! mp4mux ! filesink location={MADE}"
         ),
-    };
-    text.split(' ').map(OsString::from).collect()
+    }
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Decoder;
+use crate::locked_folder::FolderError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum VideoError {
@@ -27,13 +28,8 @@ pub enum VideoError {
         path.display()
     )]
     Hangs { path: PathBuf, program: &'static str, seconds: u64 },
-    #[error(
-        "{}: holds other things than frames that were chosen before; move it, or write the prior elsewhere",
-        path.display()
-    )]
-    Foreign { path: PathBuf },
-    #[error("{}: another run is at work in it", path.display())]
-    Busy { path: PathBuf },
+    #[error(transparent)]
+    Folder(#[from] FolderError),
     #[error("{}: cannot be written: {error}", path.display())]
     Write { path: PathBuf, error: std::io::Error },
     #[error(

@@ -1,14 +1,13 @@
 //! The folder of a mapping's frames: pictures, and `frames.json`, which tells where each comes from.
 
 use std::collections::HashMap;
-use std::fs::{File, TryLockError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::UNIX_EPOCH;
 
-use nvsprior::prior::replace_file;
 use serde::{Deserialize, Serialize};
 
-use super::{Decoder, Video, VideoError};
+use super::{Video, VideoError};
+use crate::locked_folder::{self, FolderRecord, LockedFolder};
 
 /// What a run was asked for.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -89,35 +88,16 @@ pub struct FrameRecord {
     pub overlap: Option<f64>,
 }
 
-const RECORD: &str = "frames.json";
-const LOCK: &str = "lock";
+/// A folder of frames.
+pub type Folder = LockedFolder<Record>;
 
-/// A folder of frames, locked.
-pub struct Folder {
-    pub path: PathBuf,
-    pub record: Record,
-    _lock: File,
+impl FolderRecord for Record {
+    const FILE: &'static str = "frames.json";
+    const KEPT: &'static str = "frames that were chosen before";
+    const WORKER: &'static str = "another run";
 }
 
 impl Folder {
-    /// Makes the folder, or takes up what is in it.
-    pub fn open(path: &Path) -> Result<Folder, VideoError> {
-        std::fs::create_dir_all(path).map_err(VideoError::write(path))?;
-        check_own(path)?;
-        let lock_file = path.join(LOCK);
-        let failed = VideoError::write(&lock_file);
-        let lock = File::options().create(true).append(true).open(&lock_file).map_err(&failed)?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(VideoError::Busy { path: path.to_path_buf() });
-            }
-            Err(TryLockError::Error(error)) => return Err(failed(error)),
-        }
-        let record = check_own(path)?;
-        Ok(Folder { path: path.to_path_buf(), record, _lock: lock })
-    }
-
     /// Whether an earlier run wrote all that is asked for.
     pub fn has(&self, asked: &Asked) -> bool {
         let there = |frame: &FrameRecord| {
@@ -145,42 +125,17 @@ impl Folder {
         }
         Ok(())
     }
-
-    pub fn write(&self) -> Result<(), VideoError> {
-        let path = self.path.join(RECORD);
-        let bytes = serde_json::to_vec_pretty(&self.record).map_err(std::io::Error::from);
-        let bytes = bytes.map_err(VideoError::write(&path))?;
-        replace_file(&path, &bytes)
-            .map_err(|error| VideoError::Write { path, error: std::io::Error::other(error) })
-    }
 }
 
 /// Times of the pictures of a folder by their names, seconds, if they are frames of one video: else there are none.
 pub fn frame_times(folder: &Path) -> Result<HashMap<String, f64>, VideoError> {
-    let path = folder.join(RECORD);
-    if !path.is_file() {
+    if !folder.join(Record::FILE).is_file() {
         return Ok(HashMap::new());
     }
-    let bytes = std::fs::read(&path).map_err(VideoError::file(&path))?;
-    let foreign = |_| VideoError::Foreign { path: folder.to_path_buf() };
-    let record: Record = serde_json::from_slice(&bytes).map_err(foreign)?;
+    let record: Record = locked_folder::record(folder)?;
     let one = record.videos.len() == 1;
     let times = record.frames.into_iter().filter(|_| one).map(|frame| (frame.file, frame.time));
     Ok(times.collect())
-}
-
-/// The record of a folder; an empty one if it holds nothing but a lock.
-fn check_own(path: &Path) -> Result<Record, VideoError> {
-    let foreign = || VideoError::Foreign { path: path.to_path_buf() };
-    match std::fs::read(path.join(RECORD)) {
-        Ok(bytes) => serde_json::from_slice(&bytes).map_err(|_| foreign()),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-            let entries = std::fs::read_dir(path).map_err(VideoError::file(path))?;
-            let own = |entry: std::fs::DirEntry| entry.file_name() == LOCK;
-            if entries.flatten().all(own) { Ok(Record::default()) } else { Err(foreign()) }
-        }
-        Err(error) => Err(VideoError::File { path: path.join(RECORD), error }),
-    }
 }
 
 /// The name of a video's folder: its number, and its file's name as far as every program takes it.
@@ -189,8 +144,4 @@ pub fn folder_name(number: usize, video: &Video) -> String {
     let kept = |c: char| if c.is_ascii_alphanumeric() || "._-".contains(c) { c } else { '_' };
     let name: String = stem.chars().map(kept).take(60).collect();
     format!("{:02}-{name}", number + 1)
-}
-
-pub fn decoder_name(decoder: Decoder) -> String {
-    decoder.program().to_owned()
 }

@@ -2,6 +2,7 @@
 //! whole, to write them.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
@@ -10,13 +11,13 @@ use nvsprior::image::Converter;
 
 use super::analysis::{Analysis, Facts, WIDTH};
 use super::decoder::{DecoderChoice, FrameSize};
-use super::folder::{
-    Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, decoder_name, folder_name,
-};
+use super::estimate::VideoEstimate;
+use super::folder::{Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, folder_name};
 use super::frame::{VideoFrame, rgb};
 use super::reader::{Ended, VideoReader};
 use super::select::{Break, Cause, Overlap, Selection, select};
 use super::{Video, VideoError};
+use crate::progress::{Progress, Watch};
 
 /// What is wanted of the frames.
 #[derive(Clone, Copy, Debug)]
@@ -26,45 +27,16 @@ pub struct ChoiceOptions {
     pub overlap: f64,
     /// At most so many frames of all videos together.
     pub most: Option<usize>,
+    /// Longest side to which pictures will be reduced for matching, pixels: only the estimate of time depends on it.
+    pub matched: u32,
 }
 
 impl Default for ChoiceOptions {
     /// Enough for matching from both sides, and not so much that pictures repeat each other.
     fn default() -> ChoiceOptions {
-        ChoiceOptions { decoder: DecoderChoice::Auto, overlap: 0.7, most: None }
+        ChoiceOptions { decoder: DecoderChoice::Auto, overlap: 0.7, most: None, matched: 1280 }
     }
 }
-
-/// What a run says of itself.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Progress<'a> {
-    /// A video was found to be one.
-    Opened(&'a Video),
-    /// Something that its user should know.
-    Note(String),
-    /// Work begins on a video: to look for its frames, or to write them.
-    Begins(Step, &'a Video),
-    /// Share of it that is done, if its length is known.
-    At(Option<f64>),
-    Ends,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    Choose,
-    Write,
-}
-
-impl Step {
-    pub fn name(self) -> &'static str {
-        match self {
-            Step::Choose => "choosing frames",
-            Step::Write => "writing frames",
-        }
-    }
-}
-
-type Watch<'a> = &'a mut dyn FnMut(Progress);
 
 /// JPEG's quality: it takes away less than the video's coder has, and PNG takes several times the disk.
 const QUALITY: u8 = 95;
@@ -97,16 +69,45 @@ pub fn frames_for_mapping(
     let mut opened = Vec::new();
     for path in videos {
         let video = Video::open(path, options.decoder)?;
-        watch(Progress::Opened(&video));
+        describe(&video, watch);
         opened.push(video);
     }
     let mut folder = Folder::open(folder)?;
-    let mut found = Vec::new();
+    let estimate = VideoEstimate::of(&opened, options);
+    let unknown = "how long it takes cannot be told: the video does not say how long it is";
+    watch(Progress::Says(estimate.as_ref().map_or(unknown.into(), VideoEstimate::text)));
+    let (mut found, began) = (Vec::new(), Instant::now());
     for video in &opened {
         found.push(choose(video, watch)?);
     }
-    write(&mut folder, asked, &opened, found, watch)?;
+    let selections = select_all(&found, &asked);
+    if let Some(estimate) = estimate {
+        let frames = selections.iter().map(|selection| selection.choices.len()).sum();
+        let left = estimate.chosen(frames, began.elapsed().as_secs_f64());
+        watch(Progress::Says(left));
+    }
+    write(&mut folder, asked, &opened, (found, selections), watch)?;
     Ok(folder.record.clone())
+}
+
+/// Tells what is known of a video.
+fn describe(video: &Video, watch: Watch) {
+    let (name, header) = (video.name(), &video.header);
+    let length = video.duration.map_or("unknown length".into(), |length| format!("{length:.1} s"));
+    watch(Progress::Says(format!("{name}: {}×{}, {length}", header.width, header.height)));
+    watch(Progress::Says(format!("  {}", video.command)));
+    if header.high_dynamic_range {
+        watch(Progress::Warns(format!(
+            "{name}: high dynamic range (PQ or HLG) is taken as it is, so pictures look pale; a video of standard \
+             range suits better"
+        )));
+    }
+    if !video.others.is_empty() {
+        watch(Progress::Says(format!(
+            "{name}: other tracks are left alone: {}; the time stamps in frames.json join them later",
+            video.others.join(", ")
+        )));
+    }
 }
 
 /// What was found out of a video.
@@ -118,7 +119,7 @@ struct Found {
 
 /// Decodes a video at a small size, and judges its frames.
 fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
-    watch(Progress::Begins(Step::Choose, video));
+    watch(Progress::Begins(format!("{}: choosing frames", video.name())));
     let mut reader = video.read(FrameSize::AtMost(WIDTH))?;
     let header = *reader.header();
     let mut analysis = Analysis::default();
@@ -130,7 +131,7 @@ fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
     watch(Progress::Ends);
     let notes = cut_off(video, &reader, facts.last());
     for note in &notes {
-        watch(Progress::Note(note.clone()));
+        watch(Progress::Warns(note.clone()));
     }
     Ok(Found { facts, aspect: f64::from(header.height) / f64::from(header.width), notes })
 }
@@ -161,24 +162,23 @@ fn write(
     folder: &mut Folder,
     asked: Asked,
     videos: &[Video],
-    found: Vec<Found>,
+    (found, selections): (Vec<Found>, Vec<Selection>),
     watch: Watch,
 ) -> Result<(), VideoError> {
-    let selections = select_all(&found, &asked);
     let mut records = Vec::new();
     for (number, (video, found)) in videos.iter().zip(&found).enumerate() {
         let Selection { breaks, blurred, .. } = &selections[number];
         let mut notes = found.notes.clone();
         let blurred = blurred.then(|| format!("{}: {BLURRED}", video.name()));
-        for note in breaks.iter().map(|of| told(video, of)).chain(blurred) {
-            watch(Progress::Note(note.clone()));
+        for note in told(video, breaks).into_iter().chain(blurred) {
+            watch(Progress::Warns(note.clone()));
             notes.push(note);
         }
         let last = found.facts.last();
         records.push(VideoRecord {
             path: video.path.to_string_lossy().into_owned(),
             folder: folder_name(number, video),
-            decoder: decoder_name(video.decoder),
+            decoder: video.decoder.program().to_owned(),
             width: video.header.width,
             height: video.header.height,
             frames: last.map_or(0, |facts| facts.index + 1),
@@ -198,13 +198,13 @@ fn write(
         if missing > 0 {
             let name = video.name();
             let note = format!("{name}: {missing} chosen frames at its end cannot be read again");
-            watch(Progress::Note(note.clone()));
+            watch(Progress::Warns(note.clone()));
             folder.record.videos[number].notes.push(note);
         }
         folder.record.frames.extend(frames);
     }
     folder.record.finished = true;
-    folder.write()
+    Ok(folder.write()?)
 }
 
 /// Divides the most that is wanted by what each video would have without it.
@@ -218,18 +218,28 @@ fn select_all(found: &[Found], asked: &Asked) -> Vec<Selection> {
     found.iter().zip(&all).map(|(found, own)| by(found, Some(share(own)))).collect()
 }
 
-fn told(video: &Video, of: &Break) -> String {
-    let Break { from, to, overlap, cause } = of;
-    let why = match cause {
-        Cause::Jump => "the picture jumps",
-        Cause::Blur => "all frames between are blurred",
+/// What is said of the places where a dive breaks, if there are any.
+fn told(video: &Video, breaks: &[Break]) -> Option<String> {
+    /// Of more breaks, only the number is told.
+    const TOLD: usize = 5;
+    let each = |Break { from, to, overlap, cause }: &Break| {
+        let why = match cause {
+            Cause::Jump => "the picture jumps",
+            Cause::Blur => "all frames between are blurred",
+        };
+        format!("between {from:.2} s and {to:.2} s ({why}, {:.0} % in common)", 100.0 * overlap)
     };
-    format!(
-        "{}: the dive breaks between {from:.2} s and {to:.2} s: {why}, and the frames on either side have {:.0} % in \
-         common",
-        video.name(),
-        100.0 * overlap
-    )
+    let places: Vec<String> = breaks.iter().take(TOLD).map(each).collect();
+    let others = breaks.len().saturating_sub(TOLD);
+    let others = if others > 0 { format!(", and {others} more times") } else { String::new() };
+    (!breaks.is_empty()).then(|| {
+        format!(
+            "{}: the dive breaks {}{others}: unless other frames join the parts, only the largest is mapped; film a \
+             way from one to the other",
+            video.name(),
+            places.join(", ")
+        )
+    })
 }
 
 fn write_video(
@@ -239,8 +249,11 @@ fn write_video(
     selection: &Selection,
     watch: Watch,
 ) -> Result<Vec<FrameRecord>, VideoError> {
-    watch(Progress::Begins(Step::Write, video));
-    let mut reader = video.read(WHOLE)?;
+    watch(Progress::Begins(format!("{}: writing frames", video.name())));
+    let numbers: Vec<usize> =
+        selection.choices.iter().map(|choice| found.facts[choice.at].index).collect();
+    let mut reader = video.read_some(WHOLE, &numbers)?;
+    let mut by_number = true;
     let (width, height) = (reader.header().width, reader.header().height);
     let unreadable = |error: nvsprior::image::PixelError| VideoError::NoFrame {
         path: video.path.clone(),
@@ -250,7 +263,13 @@ fn write_video(
     let mut frames = Vec::new();
     for choice in &selection.choices {
         let facts = &found.facts[choice.at];
-        let Some(frame) = at(&mut reader, facts.time)? else { break };
+        let mut frame = at(&mut reader, facts.time)?;
+        if by_number && !frame.as_ref().is_some_and(|frame| frame.time <= facts.time + CLOSE) {
+            // Of a damaged video a decoder may count other frames than before.
+            (reader, by_number) = (video.read(WHOLE)?, false);
+            frame = at(&mut reader, facts.time)?;
+        }
+        let Some(frame) = frame else { break };
         let file = format!("{}/{:06}.jpg", folder.record.videos[number].folder, facts.index);
         let picture = rgb(&mut converter, &frame).map_err(unreadable)?;
         write_jpeg(&folder.path.join(&file), &picture)?;
@@ -268,10 +287,11 @@ fn write_video(
     Ok(frames)
 }
 
+/// Times are rounded to microseconds.
+const CLOSE: f64 = 2e-6;
+
 /// Reads on to the frame of a time. Of a damaged video a decoder may give other frames than before.
 fn at(reader: &mut VideoReader, time: f64) -> Result<Option<VideoFrame>, VideoError> {
-    /// Times are rounded to microseconds.
-    const CLOSE: f64 = 2e-6;
     while let Some(frame) = reader.next_frame()? {
         if frame.time >= time - CLOSE {
             return Ok(Some(frame));

@@ -1,10 +1,10 @@
 //! Video files as frames: decoded by a program beside this one, with their time stamps, and chosen for a mapping.
 
 mod analysis;
-mod child;
 mod decoder;
 mod encoder;
 mod error;
+mod estimate;
 mod folder;
 mod frame;
 mod mapping;
@@ -21,7 +21,7 @@ pub use encoder::{EncoderError, encode_video, frame_name};
 pub use error::VideoError;
 pub use folder::{FrameRecord, Record, VideoRecord, frame_times};
 pub use frame::{VideoFrame, rgb};
-pub use mapping::{ChoiceOptions, Progress, Step, frames_for_mapping};
+pub use mapping::{ChoiceOptions, frames_for_mapping};
 pub use matroska::Header;
 pub use reader::{Ended, VideoReader};
 pub use source::Video;

@@ -1,13 +1,13 @@
 //! What is known of a video before it is decoded: its length, and its tracks.
 
-use std::ffi::OsString;
 use std::io::Read;
 use std::path::Path;
+use std::process::Command;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
-use super::child::Running;
 use super::decoder::{Decoder, file_uri, protocol};
+use crate::child::Running;
 
 /// Between two looks at whether it fails.
 const LOOK: Duration = Duration::from_millis(500);
@@ -19,6 +19,10 @@ const PATIENCE: Duration = Duration::from_secs(6);
 pub struct Probe {
     /// Seconds.
     pub duration: Option<f64>,
+    /// About.
+    pub frames: Option<f64>,
+    /// The program's name of the codec.
+    pub codec: String,
     /// Whether there is a track of pictures, if that is known.
     pub has_video: Option<bool>,
     /// Tracks that are neither pictures nor sound, such as subtitles with positions.
@@ -37,10 +41,11 @@ impl Probe {
 
 fn ffprobe(video: &Path) -> Option<Probe> {
     let words = "-v error -of json -show_entries \
-        format=duration:stream=codec_type,codec_name,codec_tag_string,duration:stream_disposition=attached_pic";
-    let mut arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
-    arguments.push(protocol(video));
-    let (text, _) = said_by("ffprobe", &arguments, |_| false);
+        format=duration:stream=codec_type,codec_name,codec_tag_string,duration,nb_frames,avg_frame_rate:\
+        stream_disposition=attached_pic";
+    let mut command = Command::new("ffprobe");
+    command.args(words.split(' ')).arg(protocol(video));
+    let (text, _) = said_by(command, |_| false);
     parse_ffprobe(&text)
 }
 
@@ -62,8 +67,14 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
     });
     let video = streams.iter().find(pictures);
     let own = video.and_then(|stream| seconds(&stream["duration"]));
+    let duration = own.or_else(|| seconds(&json["format"]["duration"]));
+    let counted = video.and_then(|stream| seconds(&stream["nb_frames"]));
+    let rate = video.and_then(|stream| ratio(stream["avg_frame_rate"].as_str()?));
+    let codec = video.and_then(|stream| stream["codec_name"].as_str()).unwrap_or_default();
     Some(Probe {
-        duration: own.or_else(|| seconds(&json["format"]["duration"])),
+        duration,
+        frames: counted.or_else(|| Some(duration? * rate?)),
+        codec: codec.to_owned(),
         has_video: Some(video.is_some()),
         others: others.collect(),
     })
@@ -91,10 +102,9 @@ fn gstreamer_once(video: &Path) -> (Probe, bool) {
         "-v --force-position urisourcebin uri={} ! parsebin ! fakesink sync=true",
         file_uri(video)
     );
-    let arguments: Vec<OsString> = words.split(' ').map(OsString::from).collect();
-    let (text, ended) = said_by(Decoder::Gstreamer.program(), &arguments, |text| {
-        text.lines().any(|line| position(line).is_some())
-    });
+    let mut command = Command::new(Decoder::Gstreamer.program());
+    command.args(words.split(' '));
+    let (text, ended) = said_by(command, |text| text.lines().any(|line| position(line).is_some()));
     (parse_gstreamer(&text), ended)
 }
 
@@ -115,9 +125,20 @@ fn parse_gstreamer(text: &str) -> Probe {
     if !tracks.is_empty() {
         probe.has_video = Some(tracks.iter().any(is_video));
     }
+    probe.codec = tracks.iter().find(|kind| is_video(kind)).copied().unwrap_or_default().to_owned();
+    let rate = text.split_once("framerate=(fraction)").map_or("", |(_, rest)| rest);
+    let rate = ratio(rate.split([',', ' ', '\n', '\r']).next().unwrap_or_default());
+    probe.frames = probe.duration.zip(rate).map(|(seconds, rate)| seconds * rate);
     let others = tracks.iter().filter(|kind| !is_video(kind) && !kind.starts_with("audio/"));
     probe.others = others.map(|kind| (*kind).to_owned()).collect();
     probe
+}
+
+/// The value of a fraction such as `30000/1001`.
+fn ratio(text: &str) -> Option<f64> {
+    let (above, below) = text.split_once('/')?;
+    let value = above.parse::<f64>().ok()? / below.parse::<f64>().ok()?;
+    (value.is_finite() && value > 0.0).then_some(value)
 }
 
 /// The length that a line such as `0:00:00.1 / 0:01:00.0 (0.2 %)` has, seconds.
@@ -137,8 +158,8 @@ fn position(line: &str) -> Option<f64> {
 
 /// What a program says on standard output until it ends or fails, or `enough` has been said; and whether that was
 /// before patience ended.
-fn said_by(program: &str, arguments: &[OsString], enough: impl Fn(&str) -> bool) -> (String, bool) {
-    let Ok((mut running, mut output)) = Running::start(program, arguments) else {
+fn said_by(command: Command, enough: impl Fn(&str) -> bool) -> (String, bool) {
+    let Ok((mut running, mut output)) = Running::with_output(command) else {
         return (String::new(), true);
     };
     let (sender, pieces) = channel();
@@ -175,12 +196,16 @@ mod tests {
     fn ffprobe_tells_tracks_and_length() {
         let text = r#"{"streams": [
             {"codec_name": "mjpeg", "codec_type": "video", "disposition": {"attached_pic": 1}},
-            {"codec_name": "h264", "codec_type": "video", "duration": "12.5", "disposition": {"attached_pic": 0}},
+            {"codec_name": "h264", "codec_type": "video", "duration": "12.5", "avg_frame_rate": "30000/1001",
+             "disposition": {"attached_pic": 0}},
             {"codec_name": "aac", "codec_type": "audio"},
             {"codec_tag_string": "gpmd", "codec_type": "data"}], "format": {"duration": "13.0"}}"#;
         let probe = parse_ffprobe(text).unwrap();
         assert_eq!((probe.duration, probe.has_video), (Some(12.5), Some(true)));
         assert_eq!(probe.others, ["data (gpmd)"]);
+        assert_eq!((probe.codec.as_str(), probe.frames.map(f64::round)), ("h264", Some(375.0)));
+        let counted = text.replace("\"duration\": \"12.5\"", "\"nb_frames\": \"300\"");
+        assert_eq!(parse_ffprobe(&counted).unwrap().frames, Some(300.0));
         let sound = r#"{"streams": [{"codec_type": "audio"}], "format": {}}"#;
         assert_eq!(parse_ffprobe(sound).unwrap().has_video, Some(false));
         assert_eq!(parse_ffprobe("{"), None);
@@ -188,13 +213,15 @@ mod tests {
 
     #[test]
     fn gstreamer_tells_tracks_and_length() {
-        let text = "/GstPipeline:pipeline0/GstFakeSink:fakesink0.GstPad:sink: caps = video/x-h264, level=(string)3\n\
+        let text = "/GstPipeline:pipeline0/GstFakeSink:fakesink0.GstPad:sink: caps = video/x-h264, level=(string)3, \
+            framerate=(fraction)10/1, parsed=(boolean)true\n\
             /GstPipeline:pipeline0/GstParseBin:p.GstParsePad:src_1.GstProxyPad:proxypad4: caps = text/x-raw, a\n\
             /GstPipeline:pipeline0/GstURISourceBin:u.GstGhostPad:src_0: caps = video/quicktime, variant=iso\n\
             0:00:00.0 / 99:99:99.9\r0:00:00.1 / 0:20:05.5 (0.2 %)\r";
         let probe = parse_gstreamer(text);
         assert_eq!((probe.duration, probe.has_video), (Some(1205.5), Some(true)));
         assert_eq!(probe.others, ["text/x-raw"]);
+        assert_eq!((probe.codec.as_str(), probe.frames), ("video/x-h264", Some(12_055.0)));
         assert_eq!(parse_gstreamer(""), Probe::default());
     }
 }

@@ -2,15 +2,15 @@
 
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::process::ChildStdout;
+use std::process::{ChildStdout, Command};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::VideoError;
-use super::child::Running;
 use super::decoder::{Decoder, FrameSize};
 use super::frame::{Layout, VideoFrame};
 use super::matroska::{Header, Matroska};
+use crate::child::{Running, shown};
 
 /// Frames that wait between the program and this one.
 const WAITING: usize = 4;
@@ -55,15 +55,19 @@ pub struct VideoReader {
 }
 
 impl VideoReader {
-    /// Starts the program, and waits for what it says of the frames. `path` is absolute.
+    /// Starts the program, and waits for what it says of the frames. `path` is absolute. `frames`: the numbers of those
+    /// that are wanted, or none if all are.
     pub fn start(
         path: &Path,
         decoder: Decoder,
         size: FrameSize,
+        frames: &[usize],
     ) -> Result<VideoReader, VideoError> {
         let mut last = Err(VideoError::NoDecoder);
         for patience in FIRST {
-            last = VideoReader::try_start(path, decoder, size, patience);
+            let mut command = Command::new(decoder.program());
+            command.args(decoder.arguments(path, size, frames));
+            last = VideoReader::try_start(path, decoder, command, patience);
             if !matches!(last, Err(VideoError::Hangs { .. })) {
                 break;
             }
@@ -74,25 +78,22 @@ impl VideoReader {
     fn try_start(
         path: &Path,
         decoder: Decoder,
-        size: FrameSize,
+        command: Command,
         patience: Duration,
     ) -> Result<VideoReader, VideoError> {
-        let arguments = decoder.arguments(path, size);
-        let program = decoder.program();
-        let started = Running::start(program, &arguments);
+        let shown = shown(&command);
+        let started = Running::with_output(command);
         let (running, output) = started.map_err(|error| match error.kind() {
             ErrorKind::NotFound => VideoError::NotInstalled { decoder },
-            _ => VideoError::File { path: program.into(), error },
+            _ => VideoError::File { path: decoder.program().into(), error },
         })?;
         let (sender, messages) = sync_channel(WAITING);
         std::thread::spawn(move || read(output, decoder, &sender));
-        let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
-        let command = format!("{program} {}", words.join(" "));
         let header =
             Header { width: 0, height: 0, colour: Default::default(), high_dynamic_range: false };
         let path = path.to_path_buf();
         let mut reader =
-            VideoReader { path, decoder, command, messages, running, header, ended: None };
+            VideoReader { path, decoder, command: shown, messages, running, header, ended: None };
         match reader.message(patience)? {
             Some(Message::Header(header)) => reader.header = header,
             first => return Err(reader.no_frame(first)),

@@ -16,6 +16,12 @@ pub struct Video {
     pub header: Header,
     /// Seconds, as its file says.
     pub duration: Option<f64>,
+    /// About, by its file's word.
+    pub frames: Option<f64>,
+    /// Of its file.
+    pub bytes: u64,
+    /// The decoder's name of what it is coded by; empty if that is not known.
+    pub codec: String,
     /// Tracks that are neither pictures nor sound.
     pub others: Vec<String>,
     /// How it is decoded.
@@ -37,7 +43,7 @@ impl Video {
         let mut said = Vec::new();
         let only = decoders.len() == 1;
         for decoder in decoders {
-            match Video::by(&path, decoder) {
+            match Video::by(&path, length, decoder) {
                 Err(VideoError::NoFrame { said: own, .. }) => said.push(own),
                 Err(VideoError::Hangs { program, .. }) if !only => {
                     said.push(format!("{program} hangs"));
@@ -48,17 +54,20 @@ impl Video {
         Err(VideoError::NoFrame { path, said: said.join("; ") })
     }
 
-    fn by(path: &Path, decoder: Decoder) -> Result<Video, VideoError> {
+    fn by(path: &Path, bytes: u64, decoder: Decoder) -> Result<Video, VideoError> {
         let probe = Probe::of(decoder, path);
         if probe.has_video == Some(false) {
             return Err(VideoError::NoPictures { path: path.to_path_buf() });
         }
-        let reader = VideoReader::start(path, decoder, FrameSize::Full)?;
+        let reader = VideoReader::start(path, decoder, FrameSize::Full, &[])?;
         Ok(Video {
             path: path.to_path_buf(),
             decoder,
             header: *reader.header(),
             duration: probe.duration,
+            frames: probe.frames,
+            bytes,
+            codec: probe.codec,
             others: probe.others,
             command: reader.command().to_owned(),
         })
@@ -66,7 +75,13 @@ impl Video {
 
     /// Decodes it from its beginning.
     pub fn read(&self, size: FrameSize) -> Result<VideoReader, VideoError> {
-        VideoReader::start(&self.path, self.decoder, size)
+        self.read_some(size, &[])
+    }
+
+    /// The same for the frames of these numbers, in rising order. Others may come between; each has its time, and no
+    /// number of its own.
+    pub fn read_some(&self, size: FrameSize, frames: &[usize]) -> Result<VideoReader, VideoError> {
+        VideoReader::start(&self.path, self.decoder, size, frames)
     }
 
     /// Its file's name, for messages.

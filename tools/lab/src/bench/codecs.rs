@@ -14,6 +14,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
+use nvsprior::residual::Tune;
 use nvsprior::{EncoderOptions, Picture, Pose};
 use nvsprior_inputs::args::{progress, with_progress};
 
@@ -50,17 +51,20 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     let (poses, beside) = (found.poses, Beside::default());
     let frames = context.shots.iter().map(|shot| shot.picture.clone()).collect();
     let run = Run::new(frames, found.renders, beside);
-    let wavelet = Own::wavelet(&context.scene, context.engine.device().portable);
+    let portable = context.engine.device().portable;
+    let wavelets = [Tune::Psnr, Tune::Ssim, Tune::Detection];
+    let [wavelet, tuned @ ..] = wavelets.map(|tune| Own::wavelet(&context.scene, portable, tune));
     let times = with_progress(times::RATES.len(), "the wavelet coder's time", |done| {
         times::measure(context, &run, &poses, done)
     })?;
     let names = context.shots.iter().map(|shot| shot.file.as_str());
-    let (tables, portable) = (context.scene.coder_tables(), context.engine.device().portable);
+    let tables = context.scene.coder_tables();
     let frames = with_progress(run.frames.len(), "frame by frame", |done| {
         frames::measure(&run, names, tables, portable, done)
     })?;
     let mut report = Measured::default();
     report.plain(&run, &wavelet)?;
+    report.tuned(&run, &tuned)?;
     report.webp(&affine::warped(&run), affine::FOUND)?;
     match estimated(context, &run)? {
         Some(estimated) => report.affine(&affine::warped(&estimated))?,
@@ -96,6 +100,15 @@ impl Measured {
         }
         for coder in &external::all() {
             self.external(coder, run, &inputs);
+        }
+        Ok(())
+    }
+
+    /// The wavelet coder on difference pictures, tuned to other things than PSNR.
+    fn tuned(&mut self, run: &Run, tuned: &[Own]) -> anyhow::Result<()> {
+        for own in tuned {
+            let bar = progress(own.settings(), own.name());
+            self.points.extend(own.measure(run, Input::Difference, || bar.inc(1))?);
         }
         Ok(())
     }

@@ -9,7 +9,6 @@ mod methods;
 mod ours;
 mod picture;
 mod published;
-mod quality;
 mod report;
 mod row;
 mod starts;

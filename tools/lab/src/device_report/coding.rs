@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Residual};
 use nvsprior::render::{Plan, Renderer};
-use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune};
 use nvsprior::{Camera, Decoder, Packet, Picture, Pose, Rate};
 
 use super::pace::Pace;
@@ -70,7 +70,7 @@ impl Coders<'_> {
         let (tables, portable) = (scene.coder_tables().clone(), engine.device().portable);
         let residual = ResidualDecoder::new(width, height, &tables);
         let coder = ResidualCoder::Wavelet;
-        let setup = ResidualSetup { width, height, coder, tables, portable };
+        let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
         Ok(Coders {
             context,
             camera,

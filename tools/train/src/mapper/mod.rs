@@ -124,6 +124,9 @@ pub struct MapState {
 const FITTED_ROUNDS: usize = 8;
 /// Poses are not corrected before: the splats are too coarse.
 const POSES_FROM: usize = 16;
+/// How much stronger pulls are if there are no points to start from: random splats stand where nothing is, and fit what
+/// single pictures show.
+const WITHOUT_POINTS: f32 = 5.0;
 
 pub struct Mapper {
     engine: Engine,
@@ -149,7 +152,8 @@ pub struct Mapper {
 }
 
 impl Mapper {
-    /// Starts from points, or from random ones in front of the cameras if there are none.
+    /// Starts from points, or from random ones in front of the cameras if there are none. Then the pulls are stronger
+    /// than the options say.
     pub fn new(
         engine: &Engine,
         views: Vec<PosedPicture>,
@@ -160,7 +164,12 @@ impl Mapper {
         let (centre, extent) = volume(&views);
         check_room(engine, &views, options)?;
         let from = start(&views, points, options, centre, extent);
-        Mapper::of(engine, views, options, (centre, extent), from, None)
+        let mut options = options.clone();
+        if points.is_empty() {
+            options.schedule.opacity_pull *= WITHOUT_POINTS;
+            options.schedule.scale_pull *= WITHOUT_POINTS;
+        }
+        Mapper::of(engine, views, &options, (centre, extent), from, None)
     }
 
     /// Goes on with a prior, by pictures of a later dive. `memory`: views of the prior as it was; at most as many as

@@ -25,7 +25,7 @@ const SPREAD: f32 = 0.5;
 /// Share of random points among the first ones if there are no points.
 const RANDOM_SHARE: f64 = 0.5;
 /// Share of the splats that there are at first, if there are fewer points: others are put between these.
-const LEAST_SHARE: f64 = 0.25;
+const LEAST_SHARE: f64 = 0.5;
 /// Depth of the nearest random points, in extents of the scene.
 const NEAREST: f64 = 0.3;
 /// Depth of the farthest ones, in depths of the nearest.

@@ -3,6 +3,7 @@
 
 use nvsprior::modem::{Loss, Protection, RateControlOptions, Report, SenderOptions, UpdateOptions};
 use nvsprior::random::Random;
+use nvsprior::residual::Tune;
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{Mode, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, PRIOR, Run};
@@ -36,7 +37,14 @@ pub fn options(updates: Option<UpdateOptions>) -> VehicleOptions {
     let protection = Protection::Layers;
     let sender = SenderOptions { control, stream: 0, protection, expect_reports: true, updates };
     let mode = Mode::Intra;
-    VehicleOptions { sender, mode, threshold: 1e-2, frames_treated: false, truth: true }
+    VehicleOptions {
+        sender,
+        mode,
+        tune: Tune::Psnr,
+        threshold: 1e-2,
+        frames_treated: false,
+        truth: true,
+    }
 }
 
 /// Both ends.

@@ -5,7 +5,9 @@ use std::sync::Arc;
 
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Residual, residual_part_len};
-use nvsprior::residual::{CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{
+    CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup, Tune,
+};
 
 use super::run::Run;
 use crate::report::{Table, fixed};
@@ -56,7 +58,14 @@ pub fn measure<'a>(
     let (width, height) = (run.frames[0].width, run.frames[0].height);
     let encoder = |coder| {
         let tables = tables.clone();
-        ResidualEncoder::new(&ResidualSetup { width, height, coder, tables, portable })
+        ResidualEncoder::new(&ResidualSetup {
+            width,
+            height,
+            coder,
+            tune: Tune::Psnr,
+            tables,
+            portable,
+        })
     };
     let mut webp = encoder(ResidualCoder::Webp);
     let mut wavelet = encoder(ResidualCoder::Wavelet);

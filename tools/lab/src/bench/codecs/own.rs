@@ -5,13 +5,16 @@ use std::sync::Arc;
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::Residual;
 use nvsprior::render::Scene;
-use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{
+    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
+};
 
 use super::{CodedRun, Input, Mode, Point, Run, timed};
 
 pub struct Own {
     name: &'static str,
     coder: ResidualCoder,
+    tune: Tune,
     tables: Arc<Tables>,
     portable: bool,
     /// Coarsest first.
@@ -20,10 +23,15 @@ pub struct Own {
 
 impl Own {
     /// The wavelet coder, as an encoder of a scene has it.
-    pub fn wavelet(scene: &Scene, portable: bool) -> Own {
+    pub fn wavelet(scene: &Scene, portable: bool, tune: Tune) -> Own {
         Own {
-            name: "wavelet",
+            name: match tune {
+                Tune::Psnr => "wavelet",
+                Tune::Ssim => "wavelet tuned to ssim",
+                Tune::Detection => "wavelet tuned to detection",
+            },
             coder: ResidualCoder::Wavelet,
+            tune,
             tables: scene.coder_tables().clone(),
             portable,
             // Budgets reach coarser than quality 0.
@@ -39,6 +47,7 @@ impl Own {
         Own {
             name,
             coder: ResidualCoder::Webp,
+            tune: Tune::Psnr,
             tables: Arc::new(Tables::generic()),
             portable: true,
             rates: qualities([0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0]).collect(),
@@ -65,10 +74,10 @@ impl Own {
     }
 
     pub fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<CodedRun> {
-        let Own { coder, portable, .. } = *self;
+        let Own { coder, tune, portable, .. } = *self;
         let (width, height) = (run.frames[0].width, run.frames[0].height);
         let tables = self.tables.clone();
-        let setup = ResidualSetup { width, height, coder, tables, portable };
+        let setup = ResidualSetup { width, height, coder, tune, tables, portable };
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
         let mut outcome = CodedRun::new(setting(rate));

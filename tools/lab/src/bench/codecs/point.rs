@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+use crate::bench::similarity::Similarity;
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Input {
@@ -48,6 +50,9 @@ pub struct Point {
     pub bytes: f64,
     /// Of what the topside shows, dB.
     pub psnr: f64,
+    /// Of the same.
+    #[serde(flatten)]
+    pub similarity: Similarity,
     pub encode_ms: f64,
     pub decode_ms: f64,
 }
@@ -98,6 +103,7 @@ mod tests {
             setting: psnr,
             bytes: factor * (0.2 * psnr).exp(),
             psnr,
+            similarity: Similarity::default(),
             encode_ms: 0.0,
             decode_ms: 0.0,
         };

@@ -2,6 +2,9 @@
 
 use super::point::{Input, Mode, Point, bd_rate, bytes_at};
 
+/// The coder that all others are held against.
+const WAVELET: &str = "wavelet";
+
 /// PSNR at which coders are compared, dB.
 pub const LEVELS: [f64; 7] = [30.0, 31.0, 32.0, 33.0, 34.0, 35.0, 36.0];
 
@@ -40,7 +43,12 @@ impl<'a> Curve<'a> {
 
     /// Whether it is the reference for all others: the wavelet coder on the difference picture.
     fn is_reference(&self) -> bool {
-        self.coder == "wavelet" && self.input == Input::Difference
+        self.coder == WAVELET && self.input == Input::Difference
+    }
+
+    /// Whether it is the wavelet coder, whatever it is tuned to.
+    fn is_own(&self) -> bool {
+        self.coder.starts_with(WAVELET)
     }
 }
 
@@ -75,7 +83,7 @@ pub struct Best<'a> {
 pub fn best_others<'a>(rows: &[Row<'a>], modes: &[Mode]) -> Vec<Best<'a>> {
     let Some(reference) = rows.iter().find(|row| row.curve.is_reference()) else { return vec![] };
     let others = || {
-        let others = rows.iter().filter(|row| row.curve.coder != reference.curve.coder);
+        let others = rows.iter().filter(|row| !row.curve.is_own());
         others.filter(|row| modes.contains(&row.curve.mode))
     };
     let best = |(level, &psnr): (usize, &f64)| {
@@ -89,6 +97,7 @@ pub fn best_others<'a>(rows: &[Row<'a>], modes: &[Mode]) -> Vec<Best<'a>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::similarity::Similarity;
 
     fn points(coder: &'static str, input: Input, factor: f64) -> Vec<Point> {
         let point = |psnr: f64| Point {
@@ -98,6 +107,7 @@ mod tests {
             setting: psnr,
             bytes: factor * (0.2 * psnr).exp(),
             psnr,
+            similarity: Similarity::default(),
             encode_ms: 0.0,
             decode_ms: 0.0,
         };

@@ -70,6 +70,8 @@ fn table(points: &[Point]) -> Table {
             ("setting", &|p| fixed(p.setting, 3)),
             ("bytes", &|p| fixed(p.bytes, 3)),
             ("psnr", &|p| fixed(p.psnr, 3)),
+            ("ssim", &|p| fixed_or_empty(p.similarity.ssim, 5)),
+            ("ms_ssim", &|p| fixed_or_empty(p.similarity.ms_ssim, 5)),
             ("encode_ms", &|p| fixed(p.encode_ms, 3)),
             ("decode_ms", &|p| fixed(p.decode_ms, 3)),
         ],

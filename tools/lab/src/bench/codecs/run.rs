@@ -5,6 +5,7 @@ use nvsprior::packet::{SHORT_LATENT_LEN, residual_part_len};
 use nvsprior::residual::{add, difference};
 
 use super::{Input, Mode, Point};
+use crate::bench::similarity::Similarity;
 
 /// The pictures that are coded: all of one size.
 pub struct Run {
@@ -107,6 +108,7 @@ impl Run {
             setting: outcome.setting,
             bytes: payload + packet + beside.bytes,
             psnr: self.psnr(&outcome.shown),
+            similarity: Similarity::of(&self.frames, &outcome.shown),
             encode_ms: outcome.encode_ms / self.len() + beside.encode_ms,
             decode_ms: outcome.decode_ms / self.len() + beside.decode_ms,
         }

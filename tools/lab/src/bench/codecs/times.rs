@@ -4,7 +4,9 @@ use std::path::Path;
 
 use nvsprior::Pose;
 use nvsprior::packet::Residual;
-use nvsprior::residual::{Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{
+    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
+};
 
 use super::super::context::Context;
 use super::super::statistics::{Spread, median};
@@ -64,7 +66,8 @@ pub fn measure(
     let (width, height) = (run.frames[0].width, run.frames[0].height);
     let (tables, portable) =
         (context.scene.coder_tables().clone(), context.engine.device().portable);
-    let setup = ResidualSetup { width, height, coder: ResidualCoder::Wavelet, tables, portable };
+    let coder = ResidualCoder::Wavelet;
+    let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
     let mut encoder = ResidualEncoder::new(&setup);
     let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
     let count = run.frames.len() as f64;

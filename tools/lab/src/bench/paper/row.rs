@@ -4,8 +4,8 @@ use nvsprior::{Picture, Rate};
 use serde::{Serialize, Serializer};
 
 use super::picture;
-use super::quality::Similarity;
 use crate::bench::codecs::run::Run;
+use crate::bench::similarity::Similarity;
 
 /// How fine a method codes.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use blazediff_ssim::{MsSsimOptions, Plane, Rgba8, SsimError, SsimOptions, ms_ssi
 use nvsprior::Picture;
 
 /// Means over pictures; `None` if these are too small for the measure, or if it has no value for one.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Similarity {
     pub ssim: Option<f64>,
     /// Five scales: the shorter side has at least 176 pixels.
