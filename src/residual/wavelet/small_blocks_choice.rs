@@ -4,7 +4,6 @@ use super::fixed::{ONE, log2};
 use super::frame::Frame;
 use super::geometry::{Band, Geometry, Orientation, Planes};
 use super::small_blocks::{FULL, GRIDS, Grid, left_out};
-use crate::coder_tables::PLANES;
 
 /// Coefficients nearer to zero than this are not coded, features: their error costs less than their bits.
 const CODED: u32 = 60;
@@ -116,8 +115,8 @@ fn visit(
             let mut costs = Costs { detailed: 0, plain: 0 };
             let mut mixed = 0;
             let weight = frame.weights[index];
-            for plane in 0..PLANES {
-                let (value, render) = (difference[plane][index], frame.render.planes[plane][index]);
+            for (difference, render) in difference.iter().zip(&frame.render.planes) {
+                let (value, render) = (difference[index], render[index]);
                 costs.detailed += cost(value, scale);
                 costs.plain += cost(value.wrapping_add(render), scale);
                 if weight != FULL && weight != 0 {
