@@ -71,11 +71,14 @@ impl Coders<'_> {
         let residual = ResidualDecoder::new(width, height, &tables);
         let coder = ResidualCoder::Wavelet;
         let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
+        let mut encoder = ResidualEncoder::new(&setup);
+        // All packets have the full form.
+        encoder.allow_small_blocks(false);
         Ok(Coders {
             context,
             camera,
             renderer: engine.renderer(scene, &camera, Plan::picture())?,
-            encoder: ResidualEncoder::new(&setup),
+            encoder,
             residual,
             decoder: Decoder::new(engine, scene),
             told: false,
