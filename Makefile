@@ -158,6 +158,7 @@ cross-aarch64:
 		scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
+	scripts/cross-test.sh aarch64-unknown-linux-gnu small_blocks
 
 dist:
 	@scripts/setup.sh dist
