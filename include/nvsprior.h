@@ -335,10 +335,10 @@ typedef struct nvsp_camera {
 
 // All squared errors count alike.
 #define NVSP_TUNE_PSNR 0
-// An error counts less where the picture has much texture, which hides it; errors of colour count half. The picture
-// looks better, and its PSNR is up to 0.3 dB lower at the same bytes.
+// Texture hides errors: they count less in it. Errors of colour count half. SSIM is higher, and PSNR up to 0.3 dB
+// lower at the same bytes.
 #define NVSP_TUNE_SSIM 1
-// An error counts more where the prior is far from the picture: a new thing shows first.
+// Errors count more in parts of the picture that the prior does not show. So a new thing shows first.
 #define NVSP_TUNE_DETECTION 2
 
 // Every frame is intra: a lost packet costs its own frame.

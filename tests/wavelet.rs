@@ -123,7 +123,7 @@ fn a_region_of_interest_gets_more_of_the_bits() {
 #[test]
 fn an_encoder_is_tuned_to_what_is_new() {
     let (frame, render) = pair();
-    // Squared errors where the render is farthest from the frame, a tenth of the pixels, and elsewhere.
+    // Squared errors of two parts: the tenth of the pixels whose render is farthest from the frame, and the rest.
     let off = |a: &Picture, b: &Picture| -> Vec<f64> {
         let pixels = a.data.chunks_exact(3).zip(b.data.chunks_exact(3));
         let square = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b)).powi(2);

@@ -57,10 +57,10 @@ pub const NVSP_RESIDUAL_WEBP: u32 = 1;
 
 /// All squared errors count alike.
 pub const NVSP_TUNE_PSNR: u32 = 0;
-/// An error counts less where the picture has much texture, which hides it; errors of colour count half. The picture
-/// looks better, and its PSNR is up to 0.3 dB lower at the same bytes.
+/// Texture hides errors: they count less in it. Errors of colour count half. SSIM is higher, and PSNR up to 0.3 dB
+/// lower at the same bytes.
 pub const NVSP_TUNE_SSIM: u32 = 1;
-/// An error counts more where the prior is far from the picture: a new thing shows first.
+/// Errors count more in parts of the picture that the prior does not show. So a new thing shows first.
 pub const NVSP_TUNE_DETECTION: u32 = 2;
 
 /// Every frame is intra: a lost packet costs its own frame.

@@ -8,9 +8,8 @@ pub enum Tune {
     /// All squared errors count alike.
     #[default]
     Psnr = 0,
-    /// An error counts less where the picture has much texture, which hides it (SSIM, Wang et al. 2004), and errors of
-    /// colour count half.
+    /// Texture hides errors (SSIM, Wang et al. 2004): they count less in it. Errors of colour count half.
     Ssim = 1,
-    /// An error counts more where the prior is far from the picture: a new thing shows first.
+    /// Errors count more in parts of the picture that the prior does not show. So a new thing shows first.
     Detection = 2,
 }

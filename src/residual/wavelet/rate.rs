@@ -28,7 +28,7 @@ const WORTH_INTER: f64 = 0.02;
 const TIGHT: usize = 160;
 /// Small blocks of such payloads are chosen at this step: no byte more or less makes them others.
 const TIGHT_STEP: u8 = 48;
-/// Blocks are chosen again if the step is further than so many eighths of an octave from where they were chosen.
+/// Blocks are chosen again if the step has moved by more than this since they were chosen, eighths of an octave.
 const NEAR: u8 = 2;
 /// Share of a budget that is used at least.
 const USED: f64 = 0.98;
