@@ -24,7 +24,7 @@ ROOMS = """
 random geometry queue range_coder
 image
 vulkan
-coder_tables
+coder_tables filter_weights
 prior
 render
 packet

@@ -4,11 +4,14 @@ mod states;
 
 use std::sync::Arc;
 
+use crate::filter_weights::FilterWeights;
 use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, Session};
 use crate::prior::{Learnt, StateId, Update};
-use crate::render::{Plan, Renderer, Scene};
+use crate::render::filter::DisplayFilter;
+use crate::render::{FilterKernels, Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
 use crate::truth::{self, TruthDecoder, TruthMap};
+use crate::vulkan;
 use crate::{Camera, Engine, Error, Picture, Pose};
 
 use states::States;
@@ -45,7 +48,9 @@ pub struct Decoded {
     /// saw. In the short form the camera that drew last, or the newest one, is taken for its camera. Ask the vehicle
     /// for its updates. `None`: this side holds all that it needs.
     pub missing_update: Option<u8>,
-    /// How far the picture is from what the camera saw.
+    /// The picture went through the display filter: see [`Decoder::set_filter`].
+    pub filtered: bool,
+    /// How far the picture is from what the camera saw. It is of the picture before the display filter.
     pub truth: TruthMap,
     /// Why a part of the packet could not be used.
     pub damage: Option<Error>,
@@ -63,6 +68,14 @@ pub struct Decoder {
     last_frame: Option<u32>,
     /// Most pixels of a picture.
     pixel_limit: u32,
+    /// `None`: pictures are not filtered.
+    filter: Option<FilterPlan>,
+}
+
+/// What display filters are made of.
+struct FilterPlan {
+    kernels: FilterKernels,
+    weights: Arc<FilterWeights>,
 }
 
 /// What one camera's packets take.
@@ -73,6 +86,8 @@ struct CameraDecoder {
     truth: TruthDecoder,
     /// Depths of the render's pixels, if the frame has a reference.
     depths: Vec<f32>,
+    /// `None`: pictures are not filtered.
+    filter: Option<DisplayFilter>,
 }
 
 /// A packet that is to be decoded.
@@ -120,7 +135,36 @@ impl Decoder {
             camera_decoder: None,
             last_frame: None,
             pixel_limit: u32::MAX,
+            filter: None,
         }
+    }
+
+    /// Has decoded pictures filtered by a small network from here on, or not. A filtered picture looks more like what
+    /// the camera saw, if the network knows the scene. Its weights are the prior's ([`Prior::filter_weights`]), or the
+    /// library's. Frames without a residual, or of other coders than the wavelet coder, stay as they are. Later frames
+    /// are predicted from pictures before the filter, so each topside may filter or not. At first it is off: it takes
+    /// time on the device (`nvsprior bench` measures it).
+    ///
+    /// [`Prior::filter_weights`]: crate::Prior::filter_weights
+    ///
+    /// # Errors
+    /// If the device fails or has no room; the filter is then off.
+    pub fn set_filter(&mut self, on: bool) -> Result<(), Error> {
+        self.filter = None;
+        if let Some(view) = &mut self.camera_decoder {
+            view.filter = None;
+        }
+        if !on {
+            return Ok(());
+        }
+        let weights = self.scene.filter_weights().cloned();
+        let weights = weights.unwrap_or_else(|| Arc::new(FilterWeights::generic()));
+        let plan = FilterPlan { kernels: FilterKernels::new(self.engine.vulkan())?, weights };
+        if let Some(view) = &mut self.camera_decoder {
+            view.filter = Some(plan.filter(&self.engine, &view.camera)?);
+        }
+        self.filter = Some(plan);
+        Ok(())
     }
 
     /// Refuses pictures of more pixels from here on: no packet can make the decoder take memory for them.
@@ -180,7 +224,7 @@ impl Decoder {
             scene.check_learnt(self.learnt())?;
         }
         (self.engine, self.scene, self.camera_decoder) = (engine.clone(), scene.clone(), None);
-        Ok(())
+        self.set_filter(self.filter.is_some())
     }
 
     /// Takes an update of the prior, as it travels. Returns the number of the newest update. Packets that are drawn
@@ -321,6 +365,7 @@ impl Decoder {
             let Decoded { rows, picture, truth, .. } = decoded;
             view.read_truth(&arrived, *rows > 0, picture, truth);
         }
+        decoded.filtered = decoded.rows > 0 && view.filter(&mut decoded.picture)?;
         self.last_frame = Some(frame);
         Ok(())
     }
@@ -394,6 +439,7 @@ impl Decoder {
         match &mut self.camera_decoder {
             Some(view) => Ok(view),
             none => {
+                let filter = self.filter.as_ref().map(|plan| plan.filter(&self.engine, camera));
                 let plan = Plan { depths: true, ..Plan::picture() };
                 let (width, height) = (camera.width, camera.height);
                 Ok(none.insert(CameraDecoder {
@@ -402,9 +448,17 @@ impl Decoder {
                     depths: Vec::new(),
                     residual: ResidualDecoder::new(width, height, self.scene.coder_tables()),
                     truth: TruthDecoder::new(width, height),
+                    filter: filter.transpose()?,
                 }))
             }
         }
+    }
+}
+
+impl FilterPlan {
+    fn filter(&self, engine: &Engine, camera: &Camera) -> Result<DisplayFilter, vulkan::Error> {
+        let Camera { width, height, .. } = *camera;
+        DisplayFilter::new(engine.vulkan(), &self.kernels, &self.weights, width, height, false)
     }
 }
 
@@ -433,6 +487,15 @@ impl CameraDecoder {
             self.depths.resize(self.camera.pixels(), 0.0);
         }
         Ok(viewpoint)
+    }
+
+    /// Filters a picture to which a residual was added; `false`: it stays as it is.
+    fn filter(&mut self, picture: &mut Picture) -> Result<bool, Error> {
+        let (Some(filter), Some(step)) = (&mut self.filter, self.residual.step()) else {
+            return Ok(false);
+        };
+        filter.apply(step.index(), self.renderer.rendered(), picture)?;
+        Ok(true)
     }
 
     /// Reads what the packet tells of its picture. `added`: some of the residual was added.

@@ -23,7 +23,7 @@
 //! ```
 //!
 //! The rooms from low to high; each knows only those before it: [`random`], [`geometry`], `queue` and `range_coder`;
-//! [`image`]; [`vulkan`]; [`coder_tables`]; [`prior`]; [`render`]; [`packet`]; [`residual`]; `error`; [`tracking`];
+//! [`image`]; [`vulkan`]; [`coder_tables`] and [`filter_weights`]; [`prior`]; [`render`]; [`packet`]; [`residual`]; `error`; [`tracking`];
 //! `engine` and [`modem`]; `learning`; `encoder` and `decoder`; `pipeline`; [`capi`]. `scripts/arrows.py` checks it.
 
 #![deny(unsafe_code)]
@@ -33,6 +33,7 @@
 // With `vulkan` and `residual::webp` the only places; each block says why it is sound.
 pub mod capi;
 pub mod coder_tables;
+pub mod filter_weights;
 pub mod geometry;
 pub mod image;
 #[cfg(feature = "training")]
@@ -61,7 +62,7 @@ mod range_coder;
 
 #[cfg(feature = "training")]
 use nvsprior_kernels::training;
-use nvsprior_kernels::{block_table, portable, search, shared};
+use nvsprior_kernels::{block_table, filter, portable, search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};
 pub use doubt_view::{DoubtLevel, DoubtMap, DoubtView};

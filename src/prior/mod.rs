@@ -13,6 +13,7 @@ mod error;
 mod fault;
 mod file;
 mod file_content;
+pub mod filter_file;
 mod id;
 mod identity;
 mod key_frames;

@@ -8,6 +8,7 @@ use super::coordinate_frame::CoordinateFrame;
 use super::error::PriorError;
 use super::file::{self, read_prior_file};
 use super::file_content::PriorFile;
+use super::filter_file;
 use super::id::PriorId;
 use super::identity::identity_of;
 use super::key_frames::KeyFrames;
@@ -18,6 +19,7 @@ use super::report::{LoadReport, PriorFormat};
 use super::splats::Splats;
 use super::tables_file;
 use crate::coder_tables::Tables;
+use crate::filter_weights::FilterWeights;
 use crate::image::Preprocessing;
 
 /// A checked, immutable prior: it has at least one splat, and the renderer can use every parameter.
@@ -29,6 +31,7 @@ pub struct Prior {
     frame: CoordinateFrame,
     key_frames: KeyFrames,
     coder_tables: Option<Arc<Tables>>,
+    filter_weights: Option<Arc<FilterWeights>>,
     preprocessing: Preprocessing,
     report: LoadReport,
 }
@@ -39,7 +42,8 @@ impl Prior {
 
     /// Reads a prior from a file. The content tells the format. [`super::ply`] says where the render options come from;
     /// `overrides` replaces them. Key frames come from the file at [`KeyFrames::path_beside`] if there is one, else
-    /// from the prior's own file. Coder tables come from [`tables_file::path_beside`] in the same way.
+    /// from the prior's own file. Coder tables come from [`tables_file::path_beside`] in the same way, and
+    /// weights of the display filter from [`filter_file::path_beside`].
     pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
         Prior::from_file(path, Prior::read_file(path)?, overrides)
     }
@@ -57,6 +61,7 @@ impl Prior {
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
         let (key_frames, tables) = (KeyFrames::open_beside(path)?, tables_file::open_beside(path)?);
+        let filter_weights = filter_file::open_beside(path)?;
         let mut prior = Prior::from_bytes(&bytes, &path.display().to_string(), overrides)?;
         drop(bytes);
         if let Some(key_frames) = key_frames {
@@ -65,7 +70,7 @@ impl Prior {
         if let Some(tables) = tables {
             prior.set_coder_tables(Some(tables), PartSource::Beside);
         }
-        Ok(prior)
+        Ok(prior.with_filter_weights(filter_weights))
     }
 
     /// Reads a prior from a file's content; `name` stands for the file in errors.
@@ -131,7 +136,17 @@ impl Prior {
         let id = identity_of(&splats, &options, coder_tables.as_ref());
         let frame = CoordinateFrame::of(&splats.positions);
         let coder_tables = coder_tables.map(Arc::new);
-        Ok(Prior { splats, options, id, frame, key_frames, coder_tables, preprocessing, report })
+        Ok(Prior {
+            splats,
+            options,
+            id,
+            frame,
+            key_frames,
+            coder_tables,
+            filter_weights: None,
+            preprocessing,
+            report,
+        })
     }
 
     /// The same prior with other key frames; they are no part of its identity.
@@ -149,6 +164,12 @@ impl Prior {
     /// The same prior with another preprocessing; it is no part of its identity.
     pub fn with_preprocessing(mut self, preprocessing: Preprocessing) -> Prior {
         self.preprocessing = preprocessing;
+        self
+    }
+
+    /// The same prior with other weights of the display filter, or none; they are no part of its identity.
+    pub fn with_filter_weights(mut self, weights: Option<FilterWeights>) -> Prior {
+        self.filter_weights = weights.map(Arc::new);
         self
     }
 
@@ -197,6 +218,11 @@ impl Prior {
     /// The scene coder tables; `None`: the generic tables are used.
     pub fn coder_tables(&self) -> Option<&Arc<Tables>> {
         self.coder_tables.as_ref()
+    }
+
+    /// The display filter's weights for the scene; `None`: the library's are used.
+    pub fn filter_weights(&self) -> Option<&Arc<FilterWeights>> {
+        self.filter_weights.as_ref()
     }
 
     /// How the pictures that it was trained on were treated. Encoders treat their frames in the same way.

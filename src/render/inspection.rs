@@ -4,7 +4,7 @@ use crate::prior::Splats;
 use crate::vulkan::{Compiled, Device, Error, Kernel};
 
 use super::kernels::TrainingKernels;
-use super::{Kernels, PipelineKey, SceneKernels, arithmetic};
+use super::{FilterKernels, Kernels, PipelineKey, SceneKernels, arithmetic};
 
 /// A pipeline of an engine, compiled.
 #[derive(Clone, Debug)]
@@ -34,6 +34,9 @@ pub fn stages(device: &Device) -> Result<Vec<Stage>, Error> {
         for (name, kernel) in SceneKernels::new(device, &prior)?.all() {
             stages.push(stage(name, Some(prior), kernel)?);
         }
+    }
+    for (name, kernel) in FilterKernels::new(device)?.all() {
+        stages.push(stage(name, None, kernel)?);
     }
     for (name, kernel) in TrainingKernels::new(device, Splats::MAX_SH_DEGREE)?.all() {
         stages.push(stage(name, None, kernel)?);

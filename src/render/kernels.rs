@@ -51,11 +51,10 @@ macro_rules! kernels {
 
             /// Builds every pipeline, with these values of specialisation constants.
             fn build(device: &Device, constants: &[(u32, u32)]) -> Result<$set, Error> {
-                let in_lockstep = device.info().in_lockstep();
                 Ok($set {
                     $($name: {
                         let module = modules::$entry;
-                        $(let module = if in_lockstep { modules::$lockstep } else { module };)?
+                        $(let module = if device.info().in_lockstep() { modules::$lockstep } else { module };)?
                         let subgroup = None;
                         $(let (module, subgroup) = match device.info().wave {
                             Some(16) => (modules::$w16, Some(16)),
@@ -141,6 +140,19 @@ impl SceneKernels {
     pub fn new(device: &Device, traits: &PipelineKey) -> Result<SceneKernels, Error> {
         let clamp = u32::from(traits.clamped);
         SceneKernels::build(device, &[(SH_DEGREE, traits.sh_degree), (CLAMP, clamp)])
+    }
+}
+
+kernels! {
+    /// The display filter's pipeline.
+    FilterKernels:
+    filter_layer = filter_layer(4, 6);
+}
+
+impl FilterKernels {
+    /// Builds it.
+    pub fn new(device: &Device) -> Result<FilterKernels, Error> {
+        FilterKernels::build(device, &[])
     }
 }
 

@@ -4,6 +4,7 @@
 pub(crate) mod arithmetic;
 mod binning;
 pub mod definition;
+pub mod filter;
 mod frame;
 #[cfg(feature = "inspection")]
 pub mod inspection;
@@ -26,7 +27,7 @@ mod workspace;
 
 pub use frame::to_byte;
 pub use jacobian::Jacobian;
-pub use kernels::{Kernels, PipelineKey, SceneKernels};
+pub use kernels::{FilterKernels, Kernels, PipelineKey, SceneKernels};
 #[cfg(feature = "training")]
 pub(crate) use learnt_room::TRIED;
 pub use levels::NormalEquations;

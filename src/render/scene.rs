@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::coder_tables::Tables;
+use crate::filter_weights::FilterWeights;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
 use crate::prior::{CoordinateFrame, KeyFrames, Learnt, UpdateError};
@@ -24,6 +25,7 @@ pub struct Scene {
     frame: CoordinateFrame,
     key_frames: KeyFrames,
     coder_tables: Arc<Tables>,
+    filter_weights: Option<Arc<FilterWeights>>,
     preprocessing: Preprocessing,
     /// Only if it was uploaded for updates.
     learnt_room: Option<LearntRoom>,
@@ -59,6 +61,7 @@ impl Scene {
             frame: prior.coordinate_frame(),
             key_frames: prior.key_frames().clone(),
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
+            filter_weights: prior.filter_weights().cloned(),
             preprocessing: *prior.preprocessing(),
             learnt_room,
         })
@@ -126,6 +129,11 @@ impl Scene {
     /// The wavelet coder's tables for pictures of this prior: its own, or the library's.
     pub fn coder_tables(&self) -> &Arc<Tables> {
         &self.coder_tables
+    }
+
+    /// The display filter's weights for this prior's scene; `None`: it has none of its own.
+    pub fn filter_weights(&self) -> Option<&Arc<FilterWeights>> {
+        self.filter_weights.as_ref()
     }
 
     /// How the pictures that the prior was trained on were treated.

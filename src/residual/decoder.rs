@@ -8,7 +8,7 @@ use super::ResidualError;
 use super::checks::check_size;
 use super::stream::{StreamDecoder, StreamFrame};
 use super::warp::Viewpoint;
-use super::wavelet::{Payload, WaveletDecoder};
+use super::wavelet::{Payload, Step, WaveletDecoder};
 #[cfg(feature = "paper")]
 use super::{difference, webp::Webp};
 use crate::coder_tables::Tables;
@@ -50,6 +50,7 @@ impl ResidualDecoder {
         portable: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
+        self.wavelet.forget_step();
         let (coder, bytes) = match *residual {
             Residual::None | Residual::Omitted => return Ok(()),
             Residual::Coded { coder, payload } => (coder, payload),
@@ -84,6 +85,11 @@ impl ResidualDecoder {
     #[cfg(not(feature = "paper"))]
     fn add_webp(&mut self, _: Coder, _: &[u8], _: &mut Picture) -> Result<(), ResidualError> {
         Err(NO_WEBP)
+    }
+
+    /// The quantiser's step of the residual added last; `None`: nothing was added, or its coder has none.
+    pub fn step(&self) -> Option<Step> {
+        self.wavelet.step()
     }
 
     /// Whether another one's reference frame is there, and the same as the encoder's.
@@ -166,6 +172,7 @@ impl ResidualDecoder {
         portable: bool,
         render: &mut Picture,
     ) -> Result<u32, ResidualError> {
+        self.wavelet.forget_step();
         check_size(self.size, render)?;
         if start.reference.is_some() {
             return Err(OUT_OF_STREAM);

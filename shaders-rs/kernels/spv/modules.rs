@@ -5,6 +5,7 @@ modules! {
         bin_emit_lockstep bin_emit_wave16 bin_emit_wave32 bin_emit_wave64 bin_scan bin_scan_lockstep
         bin_scan_wave16 bin_scan_wave32 bin_scan_wave64;
     ceilings: ceiling_arithmetic ceiling_copy;
+    filter_layer: filter_layer;
     pose_jacobian: pose_jacobian;
     project: project project_lockstep;
     pyramid: pyramid;

@@ -3,7 +3,7 @@
 #![no_std]
 #![cfg_attr(target_arch = "spirv", feature(asm_experimental_arch))]
 
-pub use nvsprior_kernels::{block_table, portable, search, shared, training};
+pub use nvsprior_kernels::{block_table, filter, portable, search, shared, training};
 
 pub mod arithmetic;
 pub mod bin;
@@ -11,6 +11,7 @@ pub mod blend;
 pub mod ceilings;
 pub mod counters;
 pub mod lanes;
+pub mod filter_layer;
 pub mod list;
 pub mod memory;
 pub mod pose_jacobian;

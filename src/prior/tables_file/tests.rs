@@ -14,7 +14,7 @@ pub(crate) fn sample_tables(seed: u64) -> Tables {
 }
 
 /// A folder with `p.ply`, and the prior's path.
-fn folder() -> (tempfile::TempDir, PathBuf) {
+pub(crate) fn folder() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p.ply");
     let mut bytes = Vec::new();

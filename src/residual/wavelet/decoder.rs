@@ -12,6 +12,7 @@ use super::header::Header;
 use super::inter::Inter;
 use super::pass::Pass;
 use super::predictor::Predictors;
+use super::step::Step;
 use crate::coder_tables::Tables;
 use crate::range_coder::{RangeDecoder, Tail};
 
@@ -39,6 +40,7 @@ pub struct WaveletDecoder {
     frame: Frame,
     predictors: Predictors,
     pass: Pass,
+    step: Option<Step>,
 }
 
 impl WaveletDecoder {
@@ -46,7 +48,18 @@ impl WaveletDecoder {
     pub fn new(width: u32, height: u32, tables: &Tables) -> WaveletDecoder {
         let frame = Frame::new(width, height);
         let pass = Pass::new(&frame.geometry);
-        WaveletDecoder { frame, predictors: Predictors::new(tables, &Tables::stream()), pass }
+        let predictors = Predictors::new(tables, &Tables::stream());
+        WaveletDecoder { frame, predictors, pass, step: None }
+    }
+
+    /// The quantiser's step of the payload decoded last; `None`: it added nothing.
+    pub fn step(&self) -> Option<Step> {
+        self.step
+    }
+
+    /// As if the payload decoded last had added nothing.
+    pub fn forget_step(&mut self) {
+        self.step = None;
     }
 
     /// Makes room for inter payloads.
@@ -113,7 +126,8 @@ impl WaveletDecoder {
         is_inter: bool,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        let WaveletDecoder { frame, predictors, pass } = self;
+        let WaveletDecoder { frame, predictors, pass, step } = self;
+        *step = None;
         let mut decoder = RangeDecoder::new(payload.bytes, payload.tail);
         frame.small_blocks.in_use = payload.small_blocks;
         let Frame { predicted, small_blocks, .. } = frame;
@@ -141,6 +155,7 @@ impl WaveletDecoder {
         pass.run(frame, predictor, header.finest, &mut reader);
         pass.finish(frame, predictor);
         pass.add_to(frame.inter_in_use().map(Inter::picture), &mut render.data);
+        *step = Some(header.step);
         Ok(())
     }
 }

@@ -39,6 +39,10 @@ pub struct Args {
     /// prior is sure of it; 1: it is doubtful; 2: it was never mapped. Read from PRIOR.doubt
     #[arg(long, value_name = "DIR")]
     doubt: Option<PathBuf>,
+    /// Filter the pictures by a small network, with the weights in PRIOR.filter (`nvsprior filter`), or with the
+    /// library's. They look more like what the camera saw, if the network knows the scene
+    #[arg(long)]
+    filter: bool,
     /// The packets come from `nvsprior join`: of those that are not complete, show what came
     #[arg(long)]
     joined: bool,
@@ -67,6 +71,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let (scene, mut updates) = Updates::upload(args, &engine, &packets)?;
     let mut decoder = Decoder::new(&engine, &scene);
+    decoder.set_filter(args.filter)?;
     if let Some(updates) = &mut updates {
         updates.begin(&mut decoder)?;
     }
@@ -83,12 +88,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let folder = folder.map(|folder| DoubtFolder::new(folder, &engine, &args.prior));
     let mut doubt = folder.transpose()?;
     let bar = progress(packets.len(), "decoding");
-    let (mut failed, mut foreign, mut other, mut missing) = (0, 0, 0, 0);
+    let (mut failed, mut foreign, mut other, mut missing, mut filtered) = (0, 0, 0, 0, 0);
     for path in &packets {
         match decode(&mut decoder, updates.as_mut(), doubt.as_mut(), path, args) {
             Ok(decoded) => {
                 other += usize::from(decoded.same_render == Some(false));
                 missing += usize::from(decoded.missing_update.is_some());
+                filtered += usize::from(decoded.filtered);
             }
             Err(error) => {
                 if failed < NAMED {
@@ -115,6 +121,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         eprintln!("{}", if_foreign(&scene));
     }
     println!("{} of {} packets decoded", packets.len() - failed, packets.len());
+    if args.filter {
+        let whose = if scene.filter_weights().is_some() { "the scene's" } else { "the library's" };
+        println!("{filtered} pictures filtered, with {whose} weights");
+    }
     if other > 0 {
         println!("{other} renders are not the vehicle's: its device or driver rounds differently");
     }

@@ -8,10 +8,12 @@ mod device_report;
 mod devices;
 mod doubt;
 mod encode;
+mod filter;
 mod inspect;
 mod join;
 mod key_frames;
 mod map;
+mod mapping_run;
 mod merge;
 mod mission;
 mod picture_renderer;
@@ -68,6 +70,7 @@ enum Command {
     Merge(merge::Args),
     KeyFrames(key_frames::Args),
     Tables(tables::Args),
+    Filter(filter::Args),
     Doubt(doubt::Args),
     Bench(bench::Args),
     Demo(demo::Args),
@@ -96,6 +99,7 @@ fn main() -> ExitCode {
         Command::Merge(args) => merge::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
         Command::Tables(args) => tables::run(&args),
+        Command::Filter(args) => filter::run(&args),
         Command::Doubt(args) => doubt::run(&args),
         Command::Bench(args) => bench::run(&args),
         Command::Demo(args) => demo::run(&args),

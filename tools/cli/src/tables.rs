@@ -4,13 +4,13 @@ mod gain;
 
 use std::path::{Path, PathBuf};
 
+use crate::mapping_run::MappingRunArgs;
 use crate::{record, row};
 use anyhow::Context as _;
+use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::prior::{PriorFormat, compact, replace_file, tables_file};
-use nvsprior::{Encoder, EncoderOptions, Prior};
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
-use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::args::{PriorArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
 
@@ -24,14 +24,8 @@ use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
 pub struct Args {
     #[command(flatten)]
     prior: PriorArgs,
-    /// cameras.json, or nerfstudio's transforms.json: the mapping run, with poses
-    #[arg(long, value_name = "FILE")]
-    cameras: PathBuf,
-    /// Only the frames of this split of the camera file
-    #[arg(long, value_name = "NAME")]
-    split: Option<String>,
     #[command(flatten)]
-    size: SizeArgs,
+    run: MappingRunArgs,
     /// Rounds of coding all frames and learning from it
     #[arg(long, value_name = "N", default_value_t = ROUNDS,
         value_parser = clap::value_parser!(u32).range(1..=100))]
@@ -40,8 +34,6 @@ pub struct Args {
     /// PRIOR.tables, which is read with the prior]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    #[command(flatten)]
-    device: DeviceArgs,
 }
 
 const ROUNDS: u32 = 3;
@@ -63,7 +55,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = Prior::from_bytes(&bytes, &name, &args.prior.overrides.overrides())?;
     kind.check(&out, &prior).with_context(|| out.display().to_string())?;
     values::check_file("--out", &out)?;
-    let run = MappingRun::of(args, &prior)?;
+    let run = args.run.pairs(&prior)?;
     let tables = train(&run.learned, args.rounds as usize);
     let content = kind.content(&bytes, &tables)?;
     replace_file(&out, &content)?;
@@ -75,78 +67,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     row("written", format!("{}, {} bytes", out.display(), content.len()));
     row("identity", format!("{}", prior.with_coder_tables(Some(tables)).id()));
     Ok(())
-}
-
-/// The frames of a mapping run with their renders.
-struct MappingRun {
-    frames: usize,
-    learned: Vec<Pair>,
-    held_out: Vec<Pair>,
-}
-
-impl MappingRun {
-    fn of(args: &Args, prior: &Prior) -> anyhow::Result<MappingRun> {
-        /// One frame in this many is held out.
-        const HELD_OUT: usize = 8;
-        let frames = inputs(args)?;
-        let pairs = pairs(args, prior, &frames)?;
-        let certain = pairs.len();
-        let (mut learned, mut held_out) = (Vec::new(), Vec::new());
-        for (index, pair) in pairs.into_iter().enumerate() {
-            let to = if index % HELD_OUT == 0 { &mut held_out } else { &mut learned };
-            to.push(pair);
-        }
-        anyhow::ensure!(
-            !learned.is_empty(),
-            "{}: {certain} of {} frames have a certain pose, two are needed: are the poses in the prior's frame?",
-            args.cameras.display(),
-            frames.len()
-        );
-        Ok(MappingRun { frames: frames.len(), learned, held_out })
-    }
-
-    fn print(&self) {
-        let (learned, held_out) = (self.learned.len(), self.held_out.len());
-        let certain = learned + held_out;
-        let text = format!(
-            "{}, {certain} certain: {learned} learned from, {held_out} held out",
-            self.frames
-        );
-        row("frames", text);
-    }
-}
-
-/// The frames of the run; each starts from its pose in the camera file.
-fn inputs(args: &Args) -> anyhow::Result<Vec<Input>> {
-    let input = InputArgs {
-        cameras: args.cameras.clone(),
-        split: args.split.clone(),
-        limit: None,
-        size: args.size.clone(),
-        start_offset: None,
-        starts: "camera-file".into(),
-    };
-    input.frames()
-}
-
-/// The frames with a certain pose, each with the prior's render at it.
-fn pairs(args: &Args, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pair>> {
-    let engine = args.device.open()?;
-    let scene = engine.upload(prior)?;
-    let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
-    let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, options)?;
-    let bar = progress(frames.len(), "finding poses");
-    let mut pairs = Vec::new();
-    for frame in frames {
-        let (picture, encoded) = frame.encode(&mut encoder, &frame.read()?)?;
-        // A wrong pose would teach what no difference picture looks like.
-        if encoded.stats.certain {
-            pairs.push(Pair { frame: picture, render: encoded.render });
-        }
-        bar.inc(1);
-    }
-    args.device.check(&engine)?;
-    Ok(pairs)
 }
 
 /// Trains tables, beginning with the library's.
