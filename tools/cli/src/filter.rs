@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let start = FilterWeights::generic();
     let start = (start != FilterWeights::zero()).then_some(&start);
     let weights =
-        train_filter(&[&learned], start, &options, |done, _| bar.set_position(done as u64));
+        train_filter(&[&learned], start, &options, |done, _| bar.set_position(done as u64))?;
     bar.finish_and_clear();
     filter_file::save(&weights, &out)?;
     run.print();

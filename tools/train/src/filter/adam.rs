@@ -2,9 +2,9 @@
 
 use super::network::Network;
 
-const PEAK_RATE: f32 = 1.5e-3;
+const PEAK_RATE: f32 = 1e-3;
 /// Share of the training in which the rate rises.
-const WARM: f32 = 0.03;
+const WARM: f32 = 0.05;
 const MOMENTS: (f32, f32) = (0.9, 0.999);
 
 pub struct Adam {

@@ -5,7 +5,7 @@ mod examples;
 mod network;
 mod patches;
 
-use nvsprior::filter_weights::FilterWeights;
+use nvsprior::filter_weights::{FilterWeights, FilterWeightsError};
 use nvsprior::random::Random;
 use nvsprior::render::filter::definition::filtered;
 use nvsprior::residual::wavelet::Step;
@@ -39,14 +39,17 @@ const BATCH: usize = 16;
 const PARTS: usize = 4;
 
 /// Trains weights, from `start` if there is one. `sets` are chosen from alike, however many examples each has; within a
-/// set, all examples alike. `progress` gets the number of steps done, and the mean loss of the last hundred: the squared
-/// error in parts of what it was without the filter.
+/// set, all examples alike. `progress` gets the number of steps done, and the mean loss of the last hundred: the natural
+/// logarithm of the mean squared error, less that without the filter.
+///
+/// # Errors
+/// If the weights have grown beyond what the filter holds exactly.
 pub fn train_filter(
     sets: &[&[FilterExample]],
     start: Option<&FilterWeights>,
     options: &FilterOptions,
     mut progress: impl FnMut(usize, f64),
-) -> FilterWeights {
+) -> Result<FilterWeights, FilterWeightsError> {
     let mut random = Random::new(options.seed);
     let mut network = match start {
         Some(weights) => Network::of(weights),

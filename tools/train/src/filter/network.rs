@@ -3,7 +3,8 @@
 
 use nalgebra::{DMatrixView, DMatrixViewMut, Dyn, MatrixView};
 use nvsprior::filter_weights::{
-    Convolution, DILATIONS, FRACTION, FilterWeights, INPUTS, LAYERS, OUTPUTS, TAPS,
+    Convolution, DILATIONS, FRACTION, FilterWeights, FilterWeightsError, INPUTS, LAYERS, OUTPUTS,
+    TAPS,
 };
 use nvsprior::random::Random;
 
@@ -19,12 +20,12 @@ const MIDDLE: f32 = 128.0 / UNIT;
 const STEP: (f32, f32) = (38.0, 16.0);
 /// Greatest size of a whole weight.
 const WEIGHT: f32 = 127.0;
-/// What the mean squared error without the filter is raised by, so that a few good patches do not count most.
+/// What mean squared errors are raised by, so that patches without errors do not count most.
 const DOUBT: f32 = 4.0;
 /// Half of a step of a correction, levels: the filter rounds such halves up, when it rounds to whole levels.
 const HALF: f32 = 0.5 / FRACTION as f32;
-/// Layers begin with weights of this share of He's, the last with less: at first the filter changes little.
-const LAST_GAIN: f32 = 0.1;
+/// What biases begin with: most outputs are above 0, where they can learn.
+const BIAS: f32 = 0.25;
 
 /// A convolution in floats.
 #[derive(Clone)]
@@ -86,14 +87,15 @@ impl Layer {
 }
 
 impl Network {
-    /// He's weights (He et al. 2015).
+    /// He's weights (He et al. 2015), but for the last layer, which begins with zeros. At first the filter changes nothing.
+    /// So no layer learns to give nothing, which none recovers from.
     pub fn random(random: &mut Random) -> Network {
         let mut layers: Vec<_> = (0..LAYERS).map(Layer::zero).collect();
-        for (number, layer) in layers.iter_mut().enumerate() {
-            let gain = if number + 1 == LAYERS { LAST_GAIN } else { 1.0 };
+        for layer in &mut layers[..LAYERS - 1] {
             // Of this width, an even distribution has the wanted deviation.
-            let width = gain * (6.0 / layer.fan_in() as f32).sqrt();
+            let width = (6.0 / layer.fan_in() as f32).sqrt();
             layer.weights.iter_mut().for_each(|weight| *weight = random.within(-width, width));
+            layer.biases.fill(BIAS);
         }
         Network { layers }
     }
@@ -122,7 +124,10 @@ impl Network {
     }
 
     /// The whole weights that stand for it.
-    pub fn quantised(&self) -> FilterWeights {
+    ///
+    /// # Errors
+    /// If biases have grown beyond what the filter holds exactly.
+    pub fn quantised(&self) -> Result<FilterWeights, FilterWeightsError> {
         let whole = |(number, layer): (usize, &Layer)| {
             let fan_in = layer.fan_in();
             let shifts: Vec<u8> = (0..layer.outputs).map(|output| layer.shift(output)).collect();
@@ -146,8 +151,7 @@ impl Network {
             Convolution { weights, biases, shifts }
         };
         let layers = self.layers.iter().enumerate().map(whole).collect();
-        // Weights of a byte and biases of a few units stay far below what f32 holds.
-        FilterWeights::new(layers).unwrap_or_else(|_| FilterWeights::zero())
+        FilterWeights::new(layers)
     }
 
     /// The same network with its weights rounded as whole ones are.
@@ -188,7 +192,8 @@ impl Network {
             .flat_map(|l| l.weights.iter_mut().chain(&mut l.biases).chain(&mut l.by_step))
     }
 
-    /// Adds the gradient of a patch's loss. The loss: mean squared error, in parts of what it was.
+    /// Adds the gradient of a patch's loss: the logarithm of the mean squared error, less that of what it was. So a
+    /// patch whose error grows much, as at first, does not outweigh the others.
     pub fn learn(&self, patch: &Patch, space: &mut Workspace, gradient: &mut Network) -> f64 {
         let blocks = patch.size.map(|side| side / 2);
         let count = blocks[0] * blocks[1];
@@ -223,9 +228,8 @@ impl Network {
         let outputs = &space.outputs[LAYERS - 1];
         let before: f32 =
             patch.decoded.iter().zip(&patch.frame).map(|(a, b)| (a - b) * (a - b)).sum();
-        let scale = before / numbers + DOUBT;
         space.gradient.resize(OUTPUTS * count, 0.0);
-        let mut sum = 0.0;
+        let mut sum = 0.0f32;
         for output in 0..OUTPUTS {
             let (pixel, channel) = (output / 3, output % 3);
             for block in 0..count {
@@ -235,11 +239,14 @@ impl Network {
                 let place = output * count + block;
                 let shown = patch.decoded[at] + level * outputs[place] + HALF;
                 let error = shown - patch.frame[at];
-                sum += f64::from(error * error);
-                space.gradient[place] = 2.0 * level * error / (numbers * scale);
+                sum += error * error;
+                space.gradient[place] = error;
             }
         }
-        sum / f64::from(numbers * scale)
+        let after = sum / numbers + DOUBT;
+        let factor = 2.0 * level / (numbers * after);
+        space.gradient.iter_mut().for_each(|by| *by *= factor);
+        f64::from((after / (before / numbers + DOUBT)).ln())
     }
 
     /// From the gradient by a layer's outputs to that by its weights and inputs.
@@ -421,6 +428,8 @@ mod tests {
     /// Weights, biases and what steps add, all so that no output is held at an end by much.
     fn network(random: &mut Random) -> Network {
         let mut network = Network::random(random);
+        let last = &mut network.layers[LAYERS - 1];
+        last.weights.iter_mut().for_each(|weight| *weight = random.within(-0.02, 0.02));
         for layer in &mut network.layers {
             layer.biases.iter_mut().for_each(|bias| *bias = random.within(0.0, 0.5));
             layer.by_step.iter_mut().for_each(|by| *by = random.within(-0.1, 0.1));
@@ -448,8 +457,7 @@ mod tests {
     fn whole_weights_are_what_they_were_made_of() {
         let mut random = Random::new(4);
         let network = network(&mut random);
-        let whole = network.quantised();
-        assert_ne!(whole, FilterWeights::zero());
+        let whole = network.quantised().unwrap();
         let again = Network::of(&whole);
         for (a, b) in network.rounded().values().zip(again.values()) {
             assert!((a - b).abs() < 2e-3, "{a} {b}");
@@ -471,7 +479,7 @@ mod tests {
         let (render, decoded) = (picture(&patch.render), picture(&patch.decoded));
         let frame = picture(&patch.frame);
         let filtered = nvsprior::render::filter::definition::filtered(
-            &network.quantised(),
+            &network.quantised().unwrap(),
             41,
             &render,
             &decoded,
@@ -481,9 +489,10 @@ mod tests {
             let squares = pairs.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
             squares.sum::<f64>() / a.data.len() as f64
         };
-        let expected = square(&filtered) / (square(&decoded) + f64::from(DOUBT));
-        let plain = square(&decoded) / (square(&decoded) + f64::from(DOUBT));
-        assert!((found - plain).abs() > 0.01, "the filter changes something: {found}");
+        let [after, before] =
+            [&filtered, &decoded].map(|picture| square(picture) + f64::from(DOUBT));
+        let expected = (after / before).ln();
+        assert!(expected.abs() > 0.01, "the filter changes something: {expected}");
         assert!((found - expected).abs() < 2e-3, "{found} for {expected}");
     }
 

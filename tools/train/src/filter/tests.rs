@@ -26,7 +26,7 @@ fn a_trained_filter_helps_on_other_pictures() {
     let (learned, held_out) = examples.split_at(4);
     let options = FilterOptions { steps: 200, ..FilterOptions::default() };
     let mut losses = Vec::new();
-    let weights = train_filter(&[learned], None, &options, |_, loss| losses.push(loss));
+    let weights = train_filter(&[learned], None, &options, |_, loss| losses.push(loss)).unwrap();
     assert!(losses[1] < losses[0], "{losses:?}");
     let square = |a: &Picture, b: &Picture| -> f64 {
         a.data.iter().zip(&b.data).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum()
@@ -40,6 +40,6 @@ fn a_trained_filter_helps_on_other_pictures() {
         }
     }
     assert!(after < 0.95 * before, "{after} for {before}");
-    let again = train_filter(&[learned], None, &options, |_, _| ());
+    let again = train_filter(&[learned], None, &options, |_, _| ()).unwrap();
     assert_eq!(weights, again, "the same input gives the same weights");
 }
