@@ -47,18 +47,20 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let name = path.display().to_string();
     let prior = Prior::from_bytes(&bytes, &name, &args.prior.overrides.overrides())?;
     let run = args.run.pairs(&prior)?;
+    run.print();
     let tables = prior.coder_tables().map_or_else(Tables::generic, |tables| (**tables).clone());
-    let codings = (CODINGS.1 / run.learned.len()).clamp(3, CODINGS.0);
-    let learned = filter_examples(&run.learned, &tables, codings, 1);
+    let frames: usize = run.learned.iter().map(Vec::len).sum();
+    let codings = (CODINGS.1 / frames).clamp(3, CODINGS.0);
+    let learned: Vec<_> =
+        run.learned.iter().map(|pairs| filter_examples(pairs, &tables, codings, 1)).collect();
+    let learned: Vec<_> = learned.iter().map(Vec::as_slice).collect();
     let options = FilterOptions { steps: args.steps as usize, ..FilterOptions::default() };
     let bar = progress(options.steps, "training");
     let start = FilterWeights::generic();
     let start = (start != FilterWeights::zero()).then_some(&start);
-    let weights =
-        train_filter(&[&learned], start, &options, |done, _| bar.set_position(done as u64))?;
+    let weights = train_filter(&learned, start, &options, |done, _| bar.set_position(done as u64))?;
     bar.finish_and_clear();
     filter_file::save(&weights, &out)?;
-    run.print();
     print_gains(&filter_examples(&run.held_out, &tables, GAINS, 2), &weights);
     row("written", format!("{}, {} bytes", out.display(), FilterWeights::encoded_len()));
     Ok(())

@@ -1,6 +1,6 @@
 //! The frames of a mapping run, each with the prior's render: what coder tables and filters learn from.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use nvsprior::{Encoder, EncoderOptions, Prior};
 use nvsprior_inputs::args::{DeviceArgs, SizeArgs, progress};
@@ -11,10 +11,10 @@ use crate::row;
 
 #[derive(clap::Args)]
 pub struct MappingRunArgs {
-    /// cameras.json, or nerfstudio's transforms.json: the mapping run, with poses
-    #[arg(long, value_name = "FILE")]
-    cameras: PathBuf,
-    /// Only the frames of this split of the camera file
+    /// cameras.json, or nerfstudio's transforms.json: the mapping run, with poses; more files for later dives
+    #[arg(long, value_name = "FILE", required = true, num_args = 1..)]
+    cameras: Vec<PathBuf>,
+    /// Only the frames of this split of the camera files
     #[arg(long, value_name = "NAME")]
     split: Option<String>,
     #[command(flatten)]
@@ -34,8 +34,8 @@ impl MappingRunArgs {
 /// The frames of a mapping run with their renders.
 pub struct MappingRun {
     frames: usize,
-    /// To learn from.
-    pub learned: Vec<Pair>,
+    /// To learn from, by camera file.
+    pub learned: Vec<Vec<Pair>>,
     /// To measure on.
     pub held_out: Vec<Pair>,
 }
@@ -44,26 +44,31 @@ impl MappingRun {
     fn of(args: &MappingRunArgs, prior: &Prior) -> anyhow::Result<MappingRun> {
         /// One frame in this many is held out.
         const HELD_OUT: usize = 8;
-        let frames = inputs(args)?;
-        let pairs = pairs(args, prior, &frames)?;
-        let certain = pairs.len();
+        let runs: Vec<Vec<Input>> =
+            args.cameras.iter().map(|path| inputs(args, path)).collect::<anyhow::Result<_>>()?;
+        let frames = runs.iter().map(Vec::len).sum();
         let (mut learned, mut held_out) = (Vec::new(), Vec::new());
-        for (index, pair) in pairs.into_iter().enumerate() {
-            let to = if index % HELD_OUT == 0 { &mut held_out } else { &mut learned };
-            to.push(pair);
+        for pairs in pairs(args, prior, &runs)? {
+            let held = |index: &usize| index % HELD_OUT == 0;
+            let (held, kept): (Vec<_>, Vec<_>) =
+                pairs.into_iter().enumerate().partition(|(index, _)| held(index));
+            held_out.extend(held.into_iter().map(|(_, pair)| pair));
+            learned.push(kept.into_iter().map(|(_, pair)| pair).collect::<Vec<_>>());
         }
+        learned.retain(|pairs| !pairs.is_empty());
+        let certain = held_out.len() + learned.iter().map(Vec::len).sum::<usize>();
         anyhow::ensure!(
             !learned.is_empty(),
-            "{}: {certain} of {} frames have a certain pose, two are needed: are the poses in the prior's frame?",
-            args.cameras.display(),
-            frames.len()
+            "{}: {certain} of {frames} frames have a certain pose, two are needed: are the poses in the prior's frame?",
+            args.cameras[0].display()
         );
-        Ok(MappingRun { frames: frames.len(), learned, held_out })
+        Ok(MappingRun { frames, learned, held_out })
     }
 
     /// Prints how many frames there are.
     pub fn print(&self) {
-        let (learned, held_out) = (self.learned.len(), self.held_out.len());
+        let learned: usize = self.learned.iter().map(Vec::len).sum();
+        let held_out = self.held_out.len();
         let certain = learned + held_out;
         let text = format!(
             "{}, {certain} certain: {learned} learned from, {held_out} held out",
@@ -73,10 +78,10 @@ impl MappingRun {
     }
 }
 
-/// The frames of the run; each starts from its pose in the camera file.
-fn inputs(args: &MappingRunArgs) -> anyhow::Result<Vec<Input>> {
+/// The frames of a run; each starts from its pose in the camera file.
+fn inputs(args: &MappingRunArgs, cameras: &Path) -> anyhow::Result<Vec<Input>> {
     let input = InputArgs {
-        cameras: args.cameras.clone(),
+        cameras: cameras.to_owned(),
         split: args.split.clone(),
         limit: None,
         size: args.size.clone(),
@@ -86,22 +91,30 @@ fn inputs(args: &MappingRunArgs) -> anyhow::Result<Vec<Input>> {
     input.frames()
 }
 
-/// The frames with a certain pose, each with the prior's render at it.
-fn pairs(args: &MappingRunArgs, prior: &Prior, frames: &[Input]) -> anyhow::Result<Vec<Pair>> {
+/// The frames with a certain pose, each with the prior's render at it; by run.
+fn pairs(
+    args: &MappingRunArgs,
+    prior: &Prior,
+    runs: &[Vec<Input>],
+) -> anyhow::Result<Vec<Vec<Pair>>> {
     let engine = args.device.open()?;
     let scene = engine.upload(prior)?;
-    let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
-    let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, options)?;
-    let bar = progress(frames.len(), "finding poses");
-    let mut pairs = Vec::new();
-    for frame in frames {
-        let (picture, encoded) = frame.encode(&mut encoder, &frame.read()?)?;
-        // A wrong pose would teach what no difference picture looks like.
-        if encoded.stats.certain {
-            pairs.push(Pair { frame: picture, render: encoded.render });
+    let bar = progress(runs.iter().map(Vec::len).sum(), "finding poses");
+    let mut all = Vec::new();
+    for frames in runs {
+        let mut pairs = Vec::new();
+        let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+        let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, options)?;
+        for frame in frames {
+            let (picture, encoded) = frame.encode(&mut encoder, &frame.read()?)?;
+            // A wrong pose would teach what no difference picture looks like.
+            if encoded.stats.certain {
+                pairs.push(Pair { frame: picture, render: encoded.render });
+            }
+            bar.inc(1);
         }
-        bar.inc(1);
+        all.push(pairs);
     }
     args.device.check(&engine)?;
-    Ok(pairs)
+    Ok(all)
 }

@@ -56,13 +56,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     kind.check(&out, &prior).with_context(|| out.display().to_string())?;
     values::check_file("--out", &out)?;
     let run = args.run.pairs(&prior)?;
-    let tables = train(&run.learned, args.rounds as usize);
+    run.print();
+    let learned: Vec<Pair> = run.learned.into_iter().flatten().collect();
+    let tables = train(&learned, args.rounds as usize);
     let content = kind.content(&bytes, &tables)?;
     replace_file(&out, &content)?;
     if let Kind::Compact = kind {
         record::carry((path, &prior), &out)?;
     }
-    run.print();
     gain::print(&run.held_out, &tables);
     row("written", format!("{}, {} bytes", out.display(), content.len()));
     row("identity", format!("{}", prior.with_coder_tables(Some(tables)).id()));

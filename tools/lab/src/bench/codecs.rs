@@ -21,7 +21,7 @@ use nvsprior_inputs::args::{progress, with_progress};
 use super::context::{Context, Shot};
 use super::perturbed::{NEAR, steps};
 use external::External;
-use own::Own;
+use own::{FilterParts, Own};
 use point::{Input, Mode, Point};
 use report::Missing;
 use run::{Beside, CodedRun, Run};
@@ -54,6 +54,8 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     let portable = context.engine.device().portable;
     let wavelets = [Tune::Psnr, Tune::Ssim, Tune::Detection];
     let [wavelet, tuned @ ..] = wavelets.map(|tune| Own::wavelet(&context.scene, portable, tune));
+    let filter = FilterParts::of(&context.engine, &context.scene)?;
+    let filtered = Own::filtered(&context.scene, portable, filter);
     let times = with_progress(times::RATES.len(), "the wavelet coder's time", |done| {
         times::measure(context, &run, &poses, done)
     })?;
@@ -64,7 +66,7 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     })?;
     let mut report = Measured::default();
     report.plain(&run, &wavelet)?;
-    report.tuned(&run, &tuned)?;
+    report.variants(&run, tuned.iter().chain([&filtered]))?;
     report.webp(&affine::warped(&run), affine::FOUND)?;
     match estimated(context, &run)? {
         Some(estimated) => report.affine(&affine::warped(&estimated))?,
@@ -104,9 +106,13 @@ impl Measured {
         Ok(())
     }
 
-    /// The wavelet coder on difference pictures, tuned to other things than PSNR.
-    fn tuned(&mut self, run: &Run, tuned: &[Own]) -> anyhow::Result<()> {
-        for own in tuned {
+    /// The wavelet coder on difference pictures, tuned to other things than PSNR, or filtered.
+    fn variants<'a>(
+        &mut self,
+        run: &Run,
+        variants: impl Iterator<Item = &'a Own>,
+    ) -> anyhow::Result<()> {
+        for own in variants {
             let bar = progress(own.settings(), own.name());
             self.points.extend(own.measure(run, Input::Difference, || bar.inc(1))?);
         }

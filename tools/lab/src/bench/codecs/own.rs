@@ -2,12 +2,16 @@
 
 use std::sync::Arc;
 
+use nvsprior::Engine;
 use nvsprior::coder_tables::Tables;
+use nvsprior::filter_weights::FilterWeights;
 use nvsprior::packet::Residual;
-use nvsprior::render::Scene;
+use nvsprior::render::filter::DisplayFilter;
+use nvsprior::render::{FilterKernels, Scene};
 use nvsprior::residual::{
     Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
 };
+use nvsprior::vulkan::Device;
 
 use super::{CodedRun, Input, Mode, Point, Run, timed};
 
@@ -17,8 +21,34 @@ pub struct Own {
     tune: Tune,
     tables: Arc<Tables>,
     portable: bool,
+    /// What makes the display filter for pictures of a size; `None`: they are not filtered.
+    filter: Option<FilterParts>,
     /// Coarsest first.
     rates: Vec<Rate>,
+}
+
+/// What a display filter is made of.
+pub struct FilterParts {
+    device: Device,
+    kernels: FilterKernels,
+    weights: Arc<FilterWeights>,
+}
+
+impl FilterParts {
+    /// As a decoder of a scene has them.
+    pub fn of(engine: &Engine, scene: &Scene) -> anyhow::Result<FilterParts> {
+        let device = engine.vulkan().clone();
+        let kernels = FilterKernels::new(&device)?;
+        let own = scene.filter_weights().cloned();
+        let weights = own.unwrap_or_else(|| Arc::new(FilterWeights::generic()));
+        Ok(FilterParts { device, kernels, weights })
+    }
+
+    /// The filter for pictures of a size.
+    pub fn filter(&self, width: u32, height: u32) -> anyhow::Result<DisplayFilter> {
+        let FilterParts { device, kernels, weights } = self;
+        Ok(DisplayFilter::new(device, kernels, weights, width, height, false)?)
+    }
 }
 
 impl Own {
@@ -34,6 +64,7 @@ impl Own {
             tune,
             tables: scene.coder_tables().clone(),
             portable,
+            filter: None,
             // Budgets reach coarser than quality 0.
             rates: [30, 60, 100, 180]
                 .map(Rate::Bytes)
@@ -43,6 +74,12 @@ impl Own {
         }
     }
 
+    /// The wavelet coder, its pictures filtered for display.
+    pub fn filtered(scene: &Scene, portable: bool, filter: FilterParts) -> Own {
+        let name = "wavelet with display filter";
+        Own { name, filter: Some(filter), ..Own::wavelet(scene, portable, Tune::Psnr) }
+    }
+
     pub fn webp(name: &'static str) -> Own {
         Own {
             name,
@@ -50,6 +87,7 @@ impl Own {
             tune: Tune::Psnr,
             tables: Arc::new(Tables::generic()),
             portable: true,
+            filter: None,
             rates: qualities([0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0]).collect(),
         }
     }
@@ -80,6 +118,8 @@ impl Own {
         let setup = ResidualSetup { width, height, coder, tune, tables, portable };
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
+        let filter = self.filter.as_ref().map(|parts| parts.filter(width, height));
+        let mut filter = filter.transpose()?;
         let mut outcome = CodedRun::new(setting(rate));
         for (frame, base) in run.frames.iter().zip(run.bases(input)) {
             let (coded, ms) = timed(|| Ok(encoder.encode(frame, base, rate, 0)?))?;
@@ -92,6 +132,10 @@ impl Own {
             outcome.decode_ms += ms;
             let name = self.name;
             anyhow::ensure!(shown == *coded.reconstruction, "{name}: decoded to another picture");
+            if let (Some(filter), Some(step)) = (&mut filter, decoder.step()) {
+                let filtered = || Ok(filter.apply(step.index(), &base.data, &mut shown)?);
+                outcome.decode_ms += timed(filtered)?.1;
+            }
             outcome.shown.push(shown);
         }
         Ok(outcome)

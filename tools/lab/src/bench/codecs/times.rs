@@ -4,12 +4,14 @@ use std::path::Path;
 
 use nvsprior::Pose;
 use nvsprior::packet::Residual;
+use nvsprior::residual::wavelet::Step;
 use nvsprior::residual::{
     Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
 };
 
 use super::super::context::Context;
 use super::super::statistics::{Spread, median};
+use super::own::FilterParts;
 use super::run::Run;
 use super::timed;
 use crate::report::{Table, fixed};
@@ -39,6 +41,7 @@ pub struct Row {
     psnr: f64,
     encode: Time,
     decode: Time,
+    filter: Time,
 }
 
 struct Time {
@@ -70,20 +73,27 @@ pub fn measure(
     let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
     let mut encoder = ResidualEncoder::new(&setup);
     let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
+    let parts = FilterParts::of(&context.engine, &context.scene)?;
+    let mut filter = parts.filter(width, height)?;
     let count = run.frames.len() as f64;
     let mut rows = Vec::new();
     for (name, rate) in RATES {
         let (mut codings, mut payload, mut psnr) = (0.0, 0.0, 0.0);
         let (mut encodings, mut decodings) = (Vec::new(), Vec::new());
+        let mut filterings = Vec::new();
         for (i, (frame, render)) in run.frames.iter().zip(&run.renders).enumerate() {
             let forward = context.forward.measure(&context.shots[i].camera, &poses[i])?;
-            let (mut encode, mut decode) = ([0.0; REPEATS], [0.0; REPEATS]);
-            for (encode, decode) in encode.iter_mut().zip(&mut decode) {
+            let [mut encode, mut decode, mut filtering] = [[0.0; REPEATS]; 3];
+            let repeats = encode.iter_mut().zip(&mut decode).zip(&mut filtering);
+            for ((encode, decode), filtering) in repeats {
                 let (coded, ms) = timed(|| Ok(encoder.encode(frame, render, rate, 0)?))?;
                 *encode = ms;
                 let mut shown = render.clone();
                 let ((), ms) = timed(|| Ok(decoder.add(&coded.residual, portable, &mut shown)?))?;
                 *decode = ms;
+                let step = decoder.step().map_or(0, Step::index);
+                let filtered = || Ok(filter.apply(step, &render.data, &mut shown)?);
+                *filtering = timed(filtered)?.1;
                 let share = 1.0 / (count * REPEATS as f64);
                 codings += f64::from(coded.probes) * share;
                 psnr += coded.psnr * share;
@@ -93,9 +103,11 @@ pub fn measure(
             }
             encodings.push((median(encode), forward));
             decodings.push((median(decode), forward));
+            filterings.push((median(filtering), forward));
         }
-        let (encode, decode) = (Time::of(&encodings), Time::of(&decodings));
-        rows.push(Row { rate: name, codings, payload, psnr, encode, decode });
+        let [encode, decode, filter] =
+            [&encodings, &decodings, &filterings].map(|times| Time::of(times));
+        rows.push(Row { rate: name, codings, payload, psnr, encode, decode, filter });
         done();
     }
     Ok(rows)
@@ -112,6 +124,8 @@ pub fn print(rows: &[Row]) {
         "encode_in_forward_renders",
         "decode_ms",
         "decode_in_forward_renders",
+        "filter_ms",
+        "filter_in_forward_renders",
     ];
     table(rows).only(&columns).print();
 }
@@ -136,6 +150,9 @@ fn table(rows: &[Row]) -> Table {
             ("decode_ms", &|r| fixed(r.decode.ms.median, 3)),
             ("decode_in_forward_renders", &|r| renders(&r.decode)),
             ("decode_in_forward_renders_p95", &|r| renders_p95(&r.decode)),
+            ("filter_ms", &|r| fixed(r.filter.ms.median, 3)),
+            ("filter_in_forward_renders", &|r| renders(&r.filter)),
+            ("filter_in_forward_renders_p95", &|r| renders_p95(&r.filter)),
         ],
     )
 }
