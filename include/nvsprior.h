@@ -721,6 +721,8 @@ typedef struct nvsp_picture {
 // The frame is drawn with an update of the prior that has not come. The picture is the render without it, and does not
 // show what the vehicle saw.
 #define NVSP_DECODED_UPDATE_MISSING 64
+// The picture went through the display filter: see nvsp_decoder_set_filter.
+#define NVSP_DECODED_FILTERED 128
 
 // What decoding a packet yielded besides the picture.
 typedef struct nvsp_decoded {
@@ -1494,6 +1496,21 @@ typedef struct nvsp_header {
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
+
+// Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
+// the camera saw, if the network knows the scene. Its weights are those beside the prior's file (PRIOR.filter, which
+// `nvsprior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is predicted
+// from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference picture, and
+// those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
+//
+// Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
+// NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
+//
+// Parameters:
+// - `on`: 1: filter pictures. 0: do not.
+NVSP_CHECKED
+nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder,
+                                    uint32_t on) NVSP_NONNULL(1);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.

@@ -47,6 +47,8 @@ fn heap_calls_with(
     let mut encoder = Encoder::new(engine, &scene, &CAMERA, options).unwrap();
     encoder.prepare(usize::MAX).unwrap();
     let mut decoder = Decoder::new(engine, &scene);
+    let mut filtering = Decoder::new(engine, &scene);
+    filtering.set_filter(true).unwrap();
     let mut encoded = Encoded::with_room(CAMERA.width, CAMERA.height);
     let mut decoded = Decoded::default();
     let mut run = |frame, hint| {
@@ -56,6 +58,7 @@ fn heap_calls_with(
         let half = &encoded.packet[..half];
         assert!(decoded.picture == encoded.picture);
         decoder.decode_into(half, Trust::Start, &mut decoded).unwrap();
+        filtering.decode_into(&encoded.packet, Trust::Whole, &mut decoded).unwrap();
     };
     run(&frames[0], Some(pose(0.0)));
     let region = Region::new(ALLOCATOR);

@@ -133,6 +133,9 @@ pub const NVSP_DECODED_KEPT: u32 = 32;
 /// show what the vehicle saw.
 pub const NVSP_DECODED_UPDATE_MISSING: u32 = 64;
 
+/// The picture went through the display filter: see nvsp_decoder_set_filter.
+pub const NVSP_DECODED_FILTERED: u32 = 128;
+
 /// What decoding a packet yielded besides the picture.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -240,6 +243,28 @@ pub extern "C" fn nvsp_decoder_add_camera(
     nvsp_decoder::call(decoder, |content| {
         let camera = image::camera(camera)?;
         content.core()?.decoder.add_camera(&camera)?;
+        Ok(NVSP_OK)
+    })
+}
+
+/// Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
+/// the camera saw, if the network knows the scene. Its weights are those beside the prior's file (PRIOR.filter, which
+/// `nvsprior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is predicted
+/// from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference picture, and
+/// those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
+///
+/// Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
+/// NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
+///
+/// # Parameters
+/// - `on`: 1: filter pictures. 0: do not.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_decoder_set_filter(decoder: Option<&nvsp_decoder>, on: u32) -> nvsp_status {
+    nvsp_decoder::call(decoder, |content| {
+        if on > 1 {
+            return Err(Failure::at(NVSP_ERR_ARGUMENT, "`on` is 0 or 1"));
+        }
+        content.core()?.decoder.set_filter(on == 1)?;
         Ok(NVSP_OK)
     })
 }
@@ -547,6 +572,7 @@ fn fetch(
             | if decoded.reference.is_some() { NVSP_DECODED_INTER } else { 0 }
             | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
             | if decoded.missing_update.is_some() { NVSP_DECODED_UPDATE_MISSING } else { 0 }
+            | if decoded.filtered { NVSP_DECODED_FILTERED } else { 0 }
             | render,
         rows: decoded.rows,
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),

@@ -42,6 +42,22 @@ static void the_encoders_pictures(void) {
     free(pixels);
 }
 
+// The filter changes the picture, says so, and leaves the rest alone.
+static void filtered(void) {
+    uint8_t *pixels = malloc(dive.size);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_set_filter(both.decoder, 2));
+    EXPECT(NVSP_OK, nvsp_decoder_set_filter(both.decoder, 1));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[1].bytes, packets[1].size, 0, &place, &info));
+    CHECK(info.flags == NVSP_DECODED_FILTERED && info.rows == info.height);
+    CHECK(psnr(pixels, shown[1], dive.size) > 30);
+    EXPECT(NVSP_OK, nvsp_decoder_set_filter(both.decoder, 0));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[1].bytes, packets[1].size, 0, &place, &info));
+    CHECK(info.flags == 0 && memcmp(pixels, shown[1], dive.size) == 0);
+    free(pixels);
+}
+
 static void headers(void) {
     nvsp_prior_info prior;
     nvsp_header header, alone;
@@ -321,6 +337,7 @@ int main(int argc, char **argv) {
     encode_dive();
 
     the_encoders_pictures();
+    filtered();
     headers();
     key_frames();
     papers_profile();

@@ -115,6 +115,7 @@ static void decoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_decoder_reopen(NULL, both.engine, both.prior));
     EXPECT(NVSP_ERR_NULL, nvsp_decoder_reopen(decoder, NULL, both.prior));
     EXPECT(NVSP_ERR_NULL, nvsp_decoder_reopen(decoder, both.engine, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_decoder_set_filter(NULL, 1));
     EXPECT(NVSP_ERR_NULL, nvsp_decode(NULL, first.bytes, first.size, 0, NULL, &info));
     EXPECT(NVSP_ERR_NULL, nvsp_decode(decoder, NULL, first.size, 0, NULL, &info));
     EXPECT(NVSP_ERR_NULL, nvsp_decode(decoder, NULL, 0, 0, NULL, &info));

@@ -52,6 +52,7 @@ struct Settings {
     post_messages: bool,
     truth_messages: bool,
     overlay: bool,
+    filter: bool,
 }
 
 impl Default for Settings {
@@ -64,6 +65,7 @@ impl Default for Settings {
             post_messages: false,
             truth_messages: false,
             overlay: false,
+            filter: false,
         }
     }
 }
@@ -134,6 +136,9 @@ pub struct Decoder {
     #[property(name = "overlay", get, set, type = bool, member = overlay, mutable_playing,
         blurb = "Draw over each picture what of it differs from what the camera saw (yellow stripes), is wrong \
             (magenta lattice), or was not seen (grey, with dots)")]
+    #[property(name = "filter", get, set, type = bool, member = filter, mutable_ready,
+        blurb = "Filter pictures by a small network that knows the scene, with the weights beside the prior's file \
+            (PRIOR.filter), or with the library's")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
@@ -235,6 +240,7 @@ impl Decoder {
             .field("certain", !decoded.uncertain)
             .field("kept", decoded.kept)
             .field("portable", decoded.portable)
+            .field("filtered", decoded.filtered)
             .field("milliseconds", taken.mseconds() as f64)
             .build();
         if let Some(reference) = decoded.reference {
@@ -400,6 +406,8 @@ impl VideoDecoderImpl for Decoder {
             let camera = property::sized_camera(camera).map_err(|error| wrong(&error))?;
             decoder.add_camera(&camera).map_err(|error| wrong(&error))?;
         }
+        let filtered = decoder.set_filter(lock(&self.settings).filter);
+        filtered.map_err(|error| gst::error_msg!(gst::LibraryError::Init, ("filter: {error}")))?;
         let dive_file = self.begin_learnt(&held, &mut decoder)?;
         *lock(&self.counts) = Counts::default();
         let (held, decoder) = (Some(held), Some(decoder));

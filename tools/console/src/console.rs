@@ -26,6 +26,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
 
+use nvsprior::Engine;
+use nvsprior::vulkan::DeviceKind;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 
 use crate::endpoint;
@@ -58,11 +60,33 @@ pub struct Args {
     /// 5600. Takes GStreamer
     #[arg(long, value_name = "HOST:PORT", value_parser = endpoint::remote)]
     rtp: Option<SocketAddr>,
+    /// Filter the picture by a small network that knows the scene (PRIOR.filter, which `nvsprior filter` trains), or by
+    /// the library's: always, never, or if the device is no CPU
+    #[arg(long, value_name = "WHEN", default_value = "auto")]
+    filter: FilterUse,
     /// Most bytes of a modem frame, as the vehicle has it
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..))]
     mtu: u16,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+/// Whether pictures go through the display filter.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum FilterUse {
+    Auto,
+    On,
+    Off,
+}
+
+impl FilterUse {
+    fn on(self, engine: &Engine) -> bool {
+        match self {
+            FilterUse::Auto => engine.device().kind != DeviceKind::Cpu,
+            FilterUse::On => true,
+            FilterUse::Off => false,
+        }
+    }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -81,10 +105,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         keeper: Keeper::new(args.keep.clone()),
         video: video.map(|target| target.start(source.clock())).transpose()?,
         doubt: doubt_beside(&args.prior.prior, &prior),
+        filter: args.filter.on(&engine),
     };
     let (topside, published) = Topside::new(&engine, &prior, options)?;
     source.start(events.clone())?;
     let page = server.start(topside.plan_picture(), published, events)?;
     println!("console: {} on {}", topside.source(), page);
+    if args.filter.on(&engine) {
+        println!("pictures go through the display filter");
+    }
     topside.run(&came)
 }

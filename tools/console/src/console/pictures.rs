@@ -73,7 +73,13 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    pub fn new(engine: &Engine, scene: &Arc<Scene>, mtu: usize) -> anyhow::Result<Pictures> {
+    /// `filter`: pictures go through the display filter.
+    pub fn new(
+        engine: &Engine,
+        scene: &Arc<Scene>,
+        mtu: usize,
+        filter: bool,
+    ) -> anyhow::Result<Pictures> {
         let options = CollectorOptions {
             packets: PACKETS,
             shares: SHARES,
@@ -83,6 +89,7 @@ impl Pictures {
         };
         let mut decoder = Decoder::new(engine, scene);
         decoder.set_pixel_limit(PIXELS);
+        decoder.set_filter(filter)?;
         Ok(Pictures {
             collector: Collector::new(options)?,
             decoder,

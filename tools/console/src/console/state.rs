@@ -66,6 +66,8 @@ pub struct PictureState {
     pub complete: bool,
     /// A difference was added: it is not the render alone.
     pub has_residual: bool,
+    /// It went through the display filter.
+    pub filtered: bool,
 }
 
 /// The name of a clock.

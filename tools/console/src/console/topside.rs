@@ -31,6 +31,8 @@ pub struct TopsideOptions {
     pub keeper: Keeper,
     pub video: Option<Video>,
     pub doubt: Option<Doubt>,
+    /// Pictures go through the display filter.
+    pub filter: bool,
 }
 
 /// What the page gets.
@@ -100,7 +102,7 @@ impl Topside {
         let views = SceneViews::new(engine, prior, &scene)?;
         let (publisher, receiver) = watch::channel(Published::none());
         let mut topside = Topside {
-            pictures: Pictures::new(engine, &scene, options.mtu)?,
+            pictures: Pictures::new(engine, &scene, options.mtu, options.filter)?,
             views,
             memory: MemoryView::new(engine, prior, options.doubt.as_ref())?,
             overlay: None,
@@ -368,6 +370,7 @@ fn picture_state(shown: &Shown, now: f64) -> PictureState {
         bytes: shown.bytes,
         complete: shown.complete,
         has_residual: shown.decoded.rows > 0,
+        filtered: shown.decoded.filtered,
     }
 }
 

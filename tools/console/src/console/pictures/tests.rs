@@ -65,7 +65,7 @@ impl Link {
         let learning = options(Some(UpdateOptions::default()));
         Link {
             vehicle: Vehicle::new(&engine, &below, &CAMERA, &learning).unwrap(),
-            pictures: Pictures::new(&engine, &above, MTU).unwrap(),
+            pictures: Pictures::new(&engine, &above, MTU, false).unwrap(),
             random: Random::new(7),
             frames: nvsprior_basin::inspection_run(Run::T2, FRAMES, Conditions::CALM).collect(),
             learnt: 0,

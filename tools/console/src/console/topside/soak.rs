@@ -106,6 +106,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         keeper: Keeper::new(folder.path().into()),
         video: None,
         doubt: None,
+        filter: true,
     };
     let (mut topside, published) = Topside::new(&engine, &prior, options).unwrap();
     let server = Server::bind("127.0.0.1:0".parse().unwrap()).unwrap();
