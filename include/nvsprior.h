@@ -1499,9 +1499,9 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 
 // Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
 // the camera saw, if the network knows the scene. Its weights are those beside the prior's file (PRIOR.filter, which
-// `nvsprior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is predicted
-// from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference picture, and
-// those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
+// `nvsprior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
+// predicted from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference
+// picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 //
 // Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
 // NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.

@@ -2,8 +2,8 @@
 //!
 //!     cargo run --release -p nvsprior-cli --example filter_weights -- OUT.nvf STEPS PRIOR CAMERAS SPLIT [PRIOR …]
 //!
-//! Each run of frames counts alike. A SPLIT of `-` stands for all frames. Every eighth frame of each run is held out, and
-//! what the filter gains on it is printed.
+//! Each run of frames counts alike. A SPLIT of `-` stands for all frames. Every eighth frame of each run is held out,
+//! and what the filter gains on it is printed.
 
 use std::path::Path;
 

@@ -39,8 +39,8 @@ const BATCH: usize = 16;
 const PARTS: usize = 4;
 
 /// Trains weights, from `start` if there is one. `sets` are chosen from alike, however many examples each has; within a
-/// set, all examples alike. `progress` gets the number of steps done, and the mean loss of the last hundred: the natural
-/// logarithm of the mean squared error, less that without the filter.
+/// set, all examples alike. `progress` gets the number of steps done, and the mean loss of the last hundred: the
+/// natural logarithm of the mean squared error, less that without the filter.
 ///
 /// # Errors
 /// If the weights have grown beyond what the filter holds exactly.
@@ -100,11 +100,10 @@ pub fn gains(examples: &[FilterExample], weights: &FilterWeights) -> Vec<FilterG
             (Step::new(*step).value().ln(), psnr)
         };
         let all: Vec<_> = examples.par_iter().map(of).collect();
-        let mean = |value: &dyn Fn(&(f64, [f64; 2])) -> f64| {
-            all.iter().map(value).sum::<f64>() / all.len() as f64
-        };
-        let psnr = [mean(&|(_, psnr)| psnr[0]), mean(&|(_, psnr)| psnr[1])];
-        FilterGain { step: mean(&|(step, _)| *step).exp(), psnr }
+        let count = all.len() as f64;
+        let psnr = [0, 1].map(|which| all.iter().map(|(_, psnr)| psnr[which]).sum::<f64>() / count);
+        let step = all.iter().map(|(step, _)| step).sum::<f64>() / count;
+        FilterGain { step: step.exp(), psnr }
     };
     (0..codings).map(gain).collect()
 }

@@ -87,8 +87,8 @@ impl Layer {
 }
 
 impl Network {
-    /// He's weights (He et al. 2015), but for the last layer, which begins with zeros. At first the filter changes nothing.
-    /// So no layer learns to give nothing, which none recovers from.
+    /// He's weights (He et al. 2015), but for the last layer, which begins with zeros. At first the filter changes
+    /// nothing. So no layer learns to give nothing, which none recovers from.
     pub fn random(random: &mut Random) -> Network {
         let mut layers: Vec<_> = (0..LAYERS).map(Layer::zero).collect();
         for layer in &mut layers[..LAYERS - 1] {
