@@ -20,23 +20,54 @@ mod update;
 #[path = "../fuzz/src/wavelet.rs"]
 mod wavelet;
 
-/// Runs a target on its corpus.
-fn run(name: &str, target: fn(&[u8])) {
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+/// The files of a target's corpus, and what is in them.
+fn corpus(name: &str) -> impl Iterator<Item = (PathBuf, Vec<u8>)> {
     let folder = format!("{}/fuzz/corpus/{name}", env!("CARGO_MANIFEST_DIR"));
-    let mut count = 0;
-    for entry in std::fs::read_dir(&folder).expect("a corpus") {
+    std::fs::read_dir(folder).expect("a corpus").map(|entry| {
         let path = entry.expect("an entry").path();
         let bytes = std::fs::read(&path).expect("a file");
+        (path, bytes)
+    })
+}
+
+/// Runs a target on its corpus.
+fn run(name: &str, target: fn(&[u8])) {
+    let mut count = 0;
+    for (path, bytes) in corpus(name) {
         println!("{}", path.display());
         target(&bytes);
         count += 1;
     }
-    assert!(count >= 20, "{count} inputs in {folder}");
+    assert!(count >= 20, "{count} inputs of {name}");
 }
 
 #[test]
 fn packets() {
     run("packet", packet::run);
+}
+
+#[test]
+fn packets_reach_all_of_the_decoder() {
+    let reached: BTreeSet<String> =
+        corpus("packet").flat_map(|(_, bytes)| packet::reaches(&bytes)).collect();
+    let versions = [1, 2, 4, 7, 8, 11, 13, 14].map(|version| format!("version {version}"));
+    let parts = [
+        "small blocks",
+        "stream",
+        "inter frame",
+        "missing reference",
+        "start of a residual",
+        "truth map",
+        "truth map that is predicted",
+        "camera part",
+        "render part",
+    ];
+    for expected in versions.into_iter().chain(parts.map(String::from)) {
+        assert!(reached.contains(&expected), "no packet of the corpus has: {expected}");
+    }
 }
 
 #[test]

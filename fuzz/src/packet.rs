@@ -1,112 +1,85 @@
-//! Packets and the difference pictures in them: any bytes must give an error or a picture.
+//! Packets, and all that the topside does with one but draw: any bytes must give an error or a picture.
 //!
-//! Random bytes hardly ever match a check. So the first byte of the input says which checks to make right first.
-use nvsprior::coder_tables::Tables;
-use nvsprior::packet::{CAMERA_PART_LEN, Residual, SHORT_LATENT_LEN, Salvage, Session};
-use nvsprior::residual::{Placement, ResidualDecoder, StreamFrame, Viewpoint};
-use nvsprior::{Camera, Packet, Picture};
+//! The first byte says how the bytes after it are made a packet: see [`repair`]. A formula takes the device's place, so
+//! that an input takes microseconds: see [`topside`].
 
-/// Pixels of a picture that is decoded here.
-const PIXELS: u32 = 64 * 64;
+use std::cell::RefCell;
+
+use nvsprior::Packet;
+use nvsprior::packet::{Extent, Latent, Parsed, Salvage, Session, valid_len};
+
+#[path = "packet/reference.rs"]
+mod reference;
+#[path = "packet/repair.rs"]
+mod repair;
+#[path = "packet/topside.rs"]
+mod topside;
+
+use topside::Topside;
+
+/// Sizes of pictures that are decoded. Small ones, as time goes with the pixels.
+const SIZES: [(u32, u32); 8] =
+    [(1, 1), (7, 2), (8, 8), (17, 5), (16, 16), (24, 16), (33, 17), (64, 36)];
+
+thread_local! {
+    /// Topsides that have seen all earlier inputs, by size.
+    static USED: RefCell<Vec<Topside>> =
+        RefCell::new(SIZES.iter().map(|size| Topside::new(*size)).collect());
+}
 
 pub fn run(input: &[u8]) {
-    let Some((&repairs, bytes)) = input.split_first() else { return };
+    let Some((&choice, bytes)) = input.split_first() else { return };
     let mut bytes = bytes.to_vec();
-    if repairs & 1 != 0 {
-        repair_latent(&mut bytes);
-    }
-    if repairs & 2 != 0 {
-        repair_residual(&mut bytes);
-    }
+    repair::repair(choice, &mut bytes);
+    check_extent(&bytes);
     let Ok(salvage) = Packet::salvage(&bytes) else { return };
-    if let Ok(packet) = Packet::decode(&bytes) {
+    check_parts(&bytes, &salvage);
+    let Some(at) = size_of(&salvage.latent) else { return };
+    let shown = USED.with_borrow_mut(|used| used[at].decode(choice, &salvage));
+    // What was decoded before must not show. A topside takes long to make, so one input in 256 is compared.
+    if crc32fast::hash(input).is_multiple_of(256) {
+        assert_eq!(Topside::new(SIZES[at]).decode(choice, &salvage), shown);
+    }
+}
+
+/// What of the decoder an input reaches, if it is a packet that is decoded; for the test of the corpus.
+#[allow(dead_code)]
+pub fn reaches(input: &[u8]) -> Vec<String> {
+    let Some((&choice, bytes)) = input.split_first() else { return Vec::new() };
+    let mut bytes = bytes.to_vec();
+    repair::repair(choice, &mut bytes);
+    match Packet::salvage(&bytes) {
+        Ok(salvage) if size_of(&salvage.latent).is_some() => topside::reaches(choice, &salvage),
+        _ => Vec::new(),
+    }
+}
+
+/// What the start of a packet says of the whole must hold.
+fn check_extent(bytes: &[u8]) {
+    let Ok(extent) = Extent::read(bytes) else { return };
+    assert!(extent.latent <= extent.head && extent.total.is_none_or(|total| extent.head <= total));
+    assert!(valid_len(bytes) <= bytes.len());
+}
+
+/// Both ways to read a packet agree, and what was read can be written.
+fn check_parts(bytes: &[u8], salvage: &Salvage) {
+    let parsed = Parsed::of(bytes).expect("it was read before");
+    assert_eq!(parsed.parts().latent, salvage.latent);
+    for last in [None, Some(0), Some(Latent::FRAMES - 1)] {
+        assert!(salvage.latent.frame_near(last) < Latent::FRAMES);
+    }
+    if let Ok(packet) = Packet::decode(bytes) {
         let again = packet.encode().expect("what was read can be written");
         assert_eq!(Packet::decode(&again), Ok(packet));
     }
-    let (width, height) = match salvage.latent.session {
-        Session::Stated { width, height, .. } => (width, height),
-        Session::Tagged(_) => (64, 48),
-    };
-    if width * height > PIXELS {
-        return;
-    }
-    let mut picture = Picture::new(width, height);
-    let mut decoder = ResidualDecoder::new(width, height, &Tables::generic());
-    if let Ok(residual) = &salvage.residual {
-        let _ = decoder.add(residual, true, &mut picture);
-    }
-    add_in_stream(&salvage, &mut decoder, &mut picture);
-    if let Some(start) = &salvage.residual_start
-        && let Ok(rows) = decoder.add_start(start, true, &mut picture)
-    {
-        assert!(rows <= height);
-    }
 }
 
-/// The residual as one of a stream, three times: later ones are predicted from the first, and from each other.
-fn add_in_stream(salvage: &Salvage, decoder: &mut ResidualDecoder, picture: &mut Picture) {
-    let (width, height) = (picture.width, picture.height);
-    let (fx, cx, cy) = (width as f32, width as f32 / 2.0, height as f32 / 2.0);
-    let camera = Camera { width, height, fx, fy: fx, cx, cy };
-    // Any numbers, from the packet's own bytes.
-    let words = salvage.latent.pose.words().words.map(|word| word as f32 / 131_072.0);
-    let placement = Placement {
-        rotation: [words[3], words[4], words[5], words[6]],
-        translation: [words[0], words[1], words[2]],
-    };
-    let depths: Vec<f32> = (0..width * height).map(|i| words[i as usize % 7] * 8.0).collect();
-    let viewpoint = Viewpoint { camera, placement };
-    for number in 0..3 {
-        let frame = StreamFrame { frame: number, viewpoint: &viewpoint, depths: &depths };
-        if let Ok(Residual::Stream { reference, small_blocks, payload }) = salvage.residual {
-            let residual = |reference| Residual::Stream { reference, small_blocks, payload };
-            let _ = decoder.add_in_stream(&residual(None), &frame, true, picture);
-            let frame = StreamFrame { frame: number + 1, ..frame };
-            let _ = decoder.add_in_stream(&residual(reference), &frame, true, picture);
+/// Which of [`SIZES`] a packet's picture has; `None`: another one.
+fn size_of(latent: &Latent) -> Option<usize> {
+    match latent.session {
+        Session::Stated { width, height, .. } => {
+            SIZES.iter().position(|size| *size == (width, height))
         }
-        if let Some(start) = &salvage.residual_start {
-            let _ = decoder.add_start_in_stream(start, &frame, true, picture);
-        }
+        Session::Tagged(tag) => Some(usize::from(tag) % SIZES.len()),
     }
-}
-
-/// Length of the latent part, by the flags.
-fn latent_len(bytes: &[u8]) -> usize {
-    match bytes.get(1).map(|flags| flags & 3) {
-        Some(2) => 43,
-        Some(0 | 3) => SHORT_LATENT_LEN,
-        _ => 31,
-    }
-}
-
-/// Makes the first byte, and the latent part's check, those of a packet.
-fn repair_latent(bytes: &mut [u8]) {
-    let len = latent_len(bytes);
-    let Some(part) = bytes.get_mut(..len) else { return };
-    part[0] = if len == SHORT_LATENT_LEN { 0xB4 } else { 0xB1 };
-    let check = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&part[..len - 2]);
-    part[len - 2..].copy_from_slice(&check.to_le_bytes());
-}
-
-/// Sets the residual part's length to the bytes that are there, and makes its check right.
-fn repair_residual(bytes: &mut Vec<u8>) {
-    let latent = latent_len(bytes);
-    let camera = if bytes.get(1).is_some_and(|flags| flags & 8 != 0) { CAMERA_PART_LEN } else { 0 };
-    let start = latent + camera;
-    if bytes.len() < start + 2 {
-        return;
-    }
-    let payload = bytes.len() - start - 2;
-    bytes[start] = 0x80 | (payload & 0x7F) as u8;
-    bytes[start + 1] = (payload >> 7 & 0x7F) as u8;
-    if latent == SHORT_LATENT_LEN {
-        let bound = [&crc32fast::hash(&bytes[..latent]).to_le_bytes(), &bytes[start..]].concat();
-        let check = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&bound);
-        bytes.extend(check.to_le_bytes());
-        return;
-    }
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&bytes[..latent]);
-    hasher.update(&bytes[start..]);
-    bytes.extend(hasher.finalize().to_le_bytes());
 }

@@ -64,8 +64,8 @@ pub fn run(input: &[u8]) {
         Err(ResidualError::OtherRender) => assert!(!portable && shown == render),
         Err(other) => panic!("{other}"),
     }
-    // What was decoded before must not show. A decoder takes long to make, so one input in 16 is compared.
-    if payload.first().is_some_and(|byte| byte % 16 == 0) {
+    // What was decoded before must not show. A decoder takes long to make, so one input in 256 is compared.
+    if crc32fast::hash(input).is_multiple_of(256) {
         assert_eq!(decode(&mut fresh(SIZES[at])), (outcome, shown));
     }
 }

@@ -20,15 +20,19 @@ pub struct TruthDecoder {
 
 /// How much of the difference picture that a map is about has come.
 pub enum Arrived<'a> {
+    /// All of it.
     All,
     /// Its end is missing. What it made of the render, both as values of three colours, row by row.
     Start {
+        /// The render.
         render: &'a [u8],
+        /// The render with what came of the difference picture.
         picture: &'a [u8],
     },
 }
 
 impl TruthDecoder {
+    /// Makes one for pictures of a size.
     pub fn new(width: u32, height: u32) -> TruthDecoder {
         let marks = Marks::new(width, height);
         let (key, cells) = (marks.clone(), [marks.clone(), marks.clone()]);
@@ -36,8 +40,8 @@ impl TruthDecoder {
         TruthDecoder { marks, cells, key, key_frame: None, comparison }
     }
 
-    /// Reads the map of a frame into `map`, whose size is that of the pictures. If the map cannot be read, all is not
-    /// seen. Whether it was read.
+    /// Reads the map of a frame into `map`, whose size is that of the pictures. If the map cannot be read, or what has
+    /// arrived is of another size, all is not seen. Whether it was read.
     pub fn decode(
         &mut self,
         frame: u32,
@@ -45,6 +49,11 @@ impl TruthDecoder {
         arrived: Arrived,
         map: &mut TruthMap,
     ) -> bool {
+        if let Arrived::Start { render, picture } = arrived
+            && [render, picture].iter().any(|values| values.len() != self.comparison.values())
+        {
+            return false;
+        }
         let frame = frame % Latent::FRAMES;
         let Some(thresholds) = self.read(frame, bytes) else { return false };
         if bytes[0] & layout::PREDICTED == 0 {

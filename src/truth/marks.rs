@@ -123,6 +123,11 @@ impl Comparison {
         }
     }
 
+    /// How many values a picture has.
+    pub fn values(&self) -> usize {
+        3 * self.size[0] * self.size[1]
+    }
+
     /// The worst windows of each block between two pictures, RMS. Values of three colours, row by row.
     pub fn worst(&mut self, first: &[u8], second: &[u8]) -> &[f32] {
         self.compare(first, second, None, 0);

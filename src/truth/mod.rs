@@ -55,7 +55,7 @@ mod table;
 #[cfg(feature = "inspection")]
 pub mod training;
 
-pub(crate) use decoder::{Arrived, TruthDecoder};
+pub use decoder::{Arrived, TruthDecoder};
 pub(crate) use encoder::{Base, Compared, TruthEncoder};
 
 /// Side of a block, pixels.

@@ -49,7 +49,7 @@ impl MappingRun {
         let frames = runs.iter().map(Vec::len).sum();
         let (mut learned, mut held_out) = (Vec::new(), Vec::new());
         for pairs in pairs(args, prior, &runs)? {
-            let held = |index: &usize| index % HELD_OUT == 0;
+            let held = |index: &usize| index.is_multiple_of(HELD_OUT);
             let (held, kept): (Vec<_>, Vec<_>) =
                 pairs.into_iter().enumerate().partition(|(index, _)| held(index));
             held_out.extend(held.into_iter().map(|(_, pair)| pair));

@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return args.device.check(&context.engine);
     }
     if args.codecs.codecs {
-        codecs::run(&mut context, folder)?;
+        codecs::run(&args.codecs, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
     if args.paper.paper {

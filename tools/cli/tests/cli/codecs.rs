@@ -86,6 +86,27 @@ fn the_coders_built_in_need_no_other_program() {
     }
     let rates = String::from_utf8(dive.bytes("out/codecs-rates.csv")).unwrap();
     assert!(rates.starts_with("coder,input,mode,wavelet_bd_rate,bytes_at_30_db"), "{rates}");
+    let alike = String::from_utf8(dive.bytes("out/codecs-similarity.csv")).unwrap();
+    assert!(alike.starts_with("coder,ssim_at_100_bytes,ssim_at_300_bytes"), "{alike}");
+    assert!(alike.contains("\nwavelet,") && alike.contains("\nwebp,"), "{alike}");
+}
+
+#[test]
+fn differences_leave_out_frames_streams_and_warps() {
+    let dive = Dive::new();
+    let nothing = dive.path("nothing");
+    std::fs::create_dir(&nothing).unwrap();
+    let path = [("PATH", nothing.to_str().unwrap())];
+    dive.run_with(&format!("{RUN} --differences"), &path).ends_with(0);
+    let report = dive.json("out/codecs.json");
+    let report = report.as_array().unwrap();
+    for row in report {
+        assert!(row["input"] == "difference" && row["mode"] == "intra", "{row}");
+        assert_ne!(row["coder"], "found-affine-webp");
+    }
+    for coder in ["wavelet", "wavelet tuned to ssim", "webp"] {
+        assert!(report.iter().any(|row| row["coder"] == coder), "{coder}");
+    }
 }
 
 #[test]

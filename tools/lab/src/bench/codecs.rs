@@ -1,6 +1,7 @@
 //! `nvsprior bench --codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
 
 pub mod affine;
+mod alike;
 pub mod external;
 mod frames;
 pub mod own;
@@ -36,16 +37,21 @@ pub struct CodecsArgs {
     /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
     /// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
     /// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
-    /// codecs-times.csv, codecs-frames.csv and codecs.svg.
+    /// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv and codecs.svg.
     #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
     pub codecs: bool,
+    /// With `--codecs`: only difference pictures, each coded by itself
+    ///
+    /// Leaves out whole frames, streams and warps, on which the slowest coders take hours.
+    #[arg(long, requires = "codecs")]
+    pub differences: bool,
 }
 
 /// Seed of the poses that an estimator would give.
 const SEED: u64 = 1;
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+pub fn run(args: &CodecsArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     context.one_size("--codecs")?;
     let found = found(context, context.options())?;
     let (poses, beside) = (found.poses, Beside::default());
@@ -64,16 +70,15 @@ pub fn run(context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     let frames = with_progress(run.frames.len(), "frame by frame", |done| {
         frames::measure(&run, names, tables, portable, done)
     })?;
+    let variants: Vec<_> = tuned.iter().chain([&filtered]).collect();
     let mut report = Measured::default();
-    report.plain(&run, &wavelet)?;
-    report.variants(&run, tuned.iter().chain([&filtered]))?;
-    report.webp(&affine::warped(&run), affine::FOUND)?;
-    match estimated(context, &run)? {
-        Some(estimated) => report.affine(&affine::warped(&estimated))?,
-        None => report.missing.extend(affine::ESTIMATED.map(|name| Missing {
-            coder: name,
-            why: "not measured; needs poses of all frames in the camera file".into(),
-        })),
+    if args.differences {
+        report.differences(&run, &wavelet)?;
+        report.variants(&run, &variants)?;
+    } else {
+        report.plain(&run, &wavelet)?;
+        report.variants(&run, &variants)?;
+        report.warps(context, &run)?;
     }
     report::print(&run, &report.points, &report.missing);
     frames::print(&frames);
@@ -94,24 +99,48 @@ impl Measured {
     /// All coders on frames and on difference pictures.
     fn plain(&mut self, run: &Run, wavelet: &Own) -> anyhow::Result<()> {
         let inputs = [Input::Frame, Input::Difference];
-        for own in [wavelet, &Own::webp("webp")] {
-            let bar = progress(2 * own.settings(), own.name());
-            for input in inputs {
-                self.points.extend(own.measure(run, input, || bar.inc(1))?);
-            }
-        }
+        self.built_in(run, wavelet, &inputs)?;
         for coder in &external::all() {
             self.external(coder, run, &inputs);
         }
         Ok(())
     }
 
+    /// All coders on difference pictures, each coded by itself.
+    fn differences(&mut self, run: &Run, wavelet: &Own) -> anyhow::Result<()> {
+        let inputs = [Input::Difference];
+        self.built_in(run, wavelet, &inputs)?;
+        for coder in external::all() {
+            self.external(&coder.only_intra(), run, &inputs);
+        }
+        Ok(())
+    }
+
+    fn built_in(&mut self, run: &Run, wavelet: &Own, inputs: &[Input]) -> anyhow::Result<()> {
+        for own in [wavelet, &Own::webp("webp")] {
+            let bar = progress(inputs.len() * own.settings(), own.name());
+            for input in inputs {
+                self.points.extend(own.measure(run, *input, || bar.inc(1))?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Coders on the differences from warped renders.
+    fn warps(&mut self, context: &mut Context, run: &Run) -> anyhow::Result<()> {
+        self.webp(&affine::warped(run), affine::FOUND)?;
+        match estimated(context, run)? {
+            Some(estimated) => self.affine(&affine::warped(&estimated))?,
+            None => self.missing.extend(affine::ESTIMATED.map(|name| Missing {
+                coder: name,
+                why: "not measured; needs poses of all frames in the camera file".into(),
+            })),
+        }
+        Ok(())
+    }
+
     /// The wavelet coder on difference pictures, tuned to other things than PSNR, or filtered.
-    fn variants<'a>(
-        &mut self,
-        run: &Run,
-        variants: impl Iterator<Item = &'a Own>,
-    ) -> anyhow::Result<()> {
+    fn variants(&mut self, run: &Run, variants: &[&Own]) -> anyhow::Result<()> {
         for own in variants {
             let bar = progress(own.settings(), own.name());
             self.points.extend(own.measure(run, Input::Difference, || bar.inc(1))?);

@@ -85,7 +85,7 @@ fn x265() -> External {
         stream: HEVC,
         pixels: "yuv444p",
         quality: &["-crf"],
-        options: &["-preset", "veryslow", "-bf", "0", "-tune", "psnr"],
+        options: &["-preset", "placebo", "-bf", "0", "-tune", "psnr"],
         intra: &["-x265-params", "log-level=error:keyint=1"],
         low_delay: &["-x265-params", "log-level=error:keyint=9999:rc-lookahead=0"],
     };
@@ -101,7 +101,7 @@ fn libaom() -> External {
         pixels: "yuv444p",
         // Without bounds, its streams come out far finer than asked for.
         quality: &["-crf", "-qmin", "-qmax"],
-        options: &["-cpu-used", "4", "-b:v", "0"],
+        options: &["-cpu-used", "0", "-b:v", "0"],
         intra: &["-usage", "allintra"],
         low_delay: &["-g", "9999", "-lag-in-frames", "0"],
     };
@@ -115,8 +115,9 @@ fn svt_av1() -> External {
         stream: AV1,
         pixels: "yuv420p",
         quality: &["-crf"],
-        options: &["-preset", "5"],
-        intra: &["-g", "1"],
+        options: &["-preset", "4"],
+        // By `-g 1` alone, newer versions force key frames within a long group.
+        intra: &["-g", "1", "-svtav1-params", "keyint=1"],
         low_delay: &["-g", "9999", "-svtav1-params", "pred-struct=1"],
     };
     let qualities = &[20.0, 27.0, 32.0, 37.0, 42.0, 52.0, 63.0];
@@ -129,17 +130,22 @@ fn vvenc() -> External {
         stream: VVC,
         pixels: "yuv420p10le",
         quality: &["-qp"],
-        options: &["-preset", "slow", "-qpa", "0"],
+        options: &["-preset", "slower", "-qpa", "0"],
         intra: &["-g", "1"],
         low_delay: &["-period", "9999", "-vvenc-params", "PicReordering=0"],
     };
-    let qualities = &[17.0, 22.0, 27.0, 32.0, 37.0, 44.0, 52.0];
+    let qualities = &[24.0, 29.0, 34.0, 39.0, 44.0, 49.0, 56.0];
     External { name: "vvenc", kind: Kind::Ffmpeg(kind), modes: BOTH, qualities }
 }
 
 impl External {
     pub fn name(&self) -> &'static str {
         self.name
+    }
+
+    /// As a coder of single pictures.
+    pub fn only_intra(self) -> External {
+        External { modes: &[Mode::Intra], ..self }
     }
 
     /// How many points it gives for a kind of input.

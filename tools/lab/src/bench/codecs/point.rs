@@ -77,6 +77,21 @@ pub fn bytes_at(curve: &[&Point], psnr: f64) -> Option<f64> {
     (line.len() > 1 && (low..=high).contains(&psnr)).then(|| log_bytes(&line, psnr).exp())
 }
 
+/// What a curve has `of` its points where they are `at`, on straight lines between the points; `None` beyond these.
+pub fn value_at(
+    curve: &[&Point],
+    at: impl Fn(&Point) -> f64,
+    of: impl Fn(&Point) -> Option<f64>,
+    place: f64,
+) -> Option<f64> {
+    let mut line: Vec<_> = curve.iter().filter_map(|p| Some((at(p), of(p)?))).collect();
+    line.retain(|(at, value)| at.is_finite() && value.is_finite());
+    line.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let after = line.partition_point(|p| p.0 < place).max(1);
+    let ((x0, y0), (x1, y1)) = (*line.get(after - 1)?, *line.get(after)?);
+    (x0 <= place).then(|| y0 + (y1 - y0) * (place - x0) / (x1 - x0).max(1e-12))
+}
+
 /// PSNR and logarithm of bytes, in the order of PSNR.
 fn line(points: &[&Point]) -> Vec<(f64, f64)> {
     let valid = points.iter().filter(|p| p.psnr.is_finite() && p.bytes > 0.0);

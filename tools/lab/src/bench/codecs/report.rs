@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::alike;
 use super::point::{Mode, Point};
 use super::rates::{Best, Curve, LEVELS, Row, best_others, rows};
 use super::run::Run;
@@ -33,6 +34,8 @@ pub fn print(run: &Run, points: &[Point], missing: &[Missing]) {
     rates_table(&rows).print();
     print_best("best other, picture by picture", &best_others(&rows, &[Mode::Intra]));
     print_best("best other, streams too", &best_others(&rows, &[Mode::Intra, Mode::Stream]));
+    println!("at equal bytes and at equal PSNR, difference pictures, picture by picture:");
+    alike::table(&curves).print();
     for Missing { coder, why } in missing {
         println!("{coder}: {why}");
     }
@@ -47,13 +50,14 @@ fn print_best(title: &str, best: &[Best]) {
     }
 }
 
-/// Writes codecs.json, codecs-missing.json, codecs.csv, codecs-rates.csv and codecs.svg.
+/// Writes codecs.json, codecs-missing.json, codecs.csv, codecs-rates.csv, codecs-similarity.csv and codecs.svg.
 pub fn write(folder: &Path, points: &[Point], missing: &[Missing]) -> anyhow::Result<()> {
     write_json(&folder.join("codecs.json"), &points)?;
     write_json(&folder.join("codecs-missing.json"), &missing)?;
     table(points).write_csv(&folder.join("codecs.csv"))?;
     let curves = Curve::all(points);
     rates_table(&rows(&curves)).write_csv(&folder.join("codecs-rates.csv"))?;
+    alike::table(&curves).write_csv(&folder.join("codecs-similarity.csv"))?;
     let named = curves
         .iter()
         .map(|curve| (curve.name(), curve.points.iter().map(|p| (p.bytes, p.psnr)).collect()));
