@@ -6,10 +6,14 @@ use nvsprior::packet::{CAMERA_PART_LEN, Residual, SHORT_LATENT_LEN, Salvage, Ses
 use nvsprior::residual::{Placement, ResidualDecoder, StreamFrame, Viewpoint};
 use nvsprior::{Camera, Packet, Picture};
 
+#[path = "predicted.rs"]
+mod predicted;
+
 /// Pixels of a picture that is decoded here.
 const PIXELS: u32 = 64 * 64;
 
 pub fn run(input: &[u8]) {
+    predicted::run(input);
     let Some((&repairs, bytes)) = input.split_first() else { return };
     let mut bytes = bytes.to_vec();
     if repairs & 1 != 0 {
