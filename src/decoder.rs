@@ -5,7 +5,10 @@ mod states;
 use std::sync::Arc;
 
 use crate::filter_weights::FilterWeights;
-use crate::packet::{Latent, Parsed, Reference, RenderCheck, Residual, Salvage, Session};
+use crate::packet::{
+    HeldPoses, Latent, PacketError, Parsed, Reference, RenderCheck, Residual, Salvage, Session,
+    session_check,
+};
 use crate::prior::{Learnt, StateId, Update};
 use crate::render::filter::DisplayFilter;
 use crate::render::{FilterKernels, Plan, Renderer, Scene};
@@ -64,6 +67,8 @@ pub struct Decoder {
     camera_decoder: Option<CameraDecoder>,
     /// What the prior may have learnt.
     states: States,
+    /// The poses that those of later frames may be predicted from.
+    poses: HeldPoses,
     /// Number of the last frame decoded.
     last_frame: Option<u32>,
     /// Most pixels of a picture.
@@ -133,6 +138,7 @@ impl Decoder {
             states: States::new(scene),
             cameras: Vec::new(),
             camera_decoder: None,
+            poses: HeldPoses::with_room(),
             last_frame: None,
             pixel_limit: u32::MAX,
             filter: None,
@@ -298,7 +304,55 @@ impl Decoder {
         trust: Trust,
         decoded: &mut Decoded,
     ) -> Result<(), Error> {
-        self.decode_parsed(&Parsed::of(bytes)?, bytes, trust, decoded)
+        let packet = self.trusted(bytes, Decoder::parse)?;
+        self.decode_parsed(&packet, bytes, trust, decoded)
+    }
+
+    /// Reads a packet. If it is refused, forgets poses that are not the vehicle's.
+    fn trusted<T>(
+        &mut self,
+        bytes: &[u8],
+        read: impl Fn(&Decoder, &[u8]) -> Result<T, PacketError>,
+    ) -> Result<T, PacketError> {
+        let read = read(self, bytes);
+        if let Err(error) = &read {
+            self.poses.refuse(bytes, error);
+        }
+        read
+    }
+
+    /// Reads what is valid in a packet. Its pose may be predicted from those that are held.
+    ///
+    /// # Errors
+    /// If the latent part is not valid, or what its pose is predicted from is not held.
+    pub fn parse(&self, bytes: &[u8]) -> Result<Parsed, PacketError> {
+        Parsed::with(bytes, &self.poses)
+    }
+
+    /// Holds the pose of a packet that came, and draws nothing: the poses of later packets may be predicted from it.
+    /// The start of a packet is enough. Decoding a packet holds its pose, too. Call it as packets come if they are
+    /// decoded later, and tell the vehicle: [`Report::tell_poses`](crate::modem::Report::tell_poses).
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse). What a packet is about is not checked; if it is not known here, nothing is held.
+    pub fn hold(&mut self, bytes: &[u8]) -> Result<(), PacketError> {
+        let read = |decoder: &Decoder, bytes: &[u8]| decoder.poses.latent(bytes);
+        let latent = self.trusted(bytes, read)?;
+        let frame = latent.frame_near(self.poses.last().or(self.last_frame));
+        self.hold_pose(frame, &latent)
+    }
+
+    fn hold_pose(&mut self, frame: u32, latent: &Latent) -> Result<(), PacketError> {
+        let Some(camera) = self.camera_of(latent) else { return Ok(()) };
+        let Some(state) = self.states.of(latent, camera) else { return Ok(()) };
+        let session = session_check(self.states.learnt(state).state().into(), camera, latent)?;
+        self.poses.hold(frame, latent, session);
+        Ok(())
+    }
+
+    /// Whether the pose of a frame is held, of the last 128 that came. The number may be modulo 2¹⁶.
+    pub fn holds_pose(&self, frame: u32) -> bool {
+        self.poses.holds(frame)
     }
 
     /// As [`Decoder::decode_into`], for bytes that were read before.
@@ -367,6 +421,7 @@ impl Decoder {
         }
         decoded.filtered = decoded.rows > 0 && view.filter(&mut decoded.picture)?;
         self.last_frame = Some(frame);
+        self.hold_pose(frame, &latent)?;
         Ok(())
     }
 
@@ -390,7 +445,7 @@ impl Decoder {
     /// # Errors
     /// If its latent part is damaged.
     pub fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
-        let latent = Latent::decode(packet)?;
+        let latent = self.poses.latent(packet)?;
         Ok((latent.pose.dequantise(&self.scene.coordinate_frame()), !latent.uncertain))
     }
 

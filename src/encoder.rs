@@ -11,7 +11,7 @@ use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::learning::{Beside, LearnOptions, LearnerStats};
 use crate::packet::{
     CAMERA_PART_LEN, LEARNT_SHORT_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
-    SHORT_LATENT_LEN,
+    SHORT_LATENT_LEN, SentPoses, session_check,
 };
 use crate::prior::Learnt;
 use crate::render::{Plan, Scene};
@@ -60,6 +60,10 @@ pub struct EncoderOptions {
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
+    /// Poses are stated as what they differ by from those that the topside is known to hold
+    /// ([`Encoder::acknowledge_pose`]), in 9 to 18 bytes in place of 19: for packets that travel in
+    /// [protected shares](crate::modem::Protection::Layers). The pose is the same. Not with WebP.
+    pub predict_poses: bool,
     /// Packets tell how far the picture is from what the camera saw: see [`crate::truth`]. Not with WebP, and not if
     /// there is no [`rate`](EncoderOptions::rate).
     pub truth: bool,
@@ -89,6 +93,7 @@ impl Default for EncoderOptions {
             check_interval: 0,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
+            predict_poses: false,
             truth: true,
             frames_treated: false,
         }
@@ -120,6 +125,8 @@ pub struct Encoder {
     stream_ended: bool,
     /// What the topside is known to hold.
     acknowledged: Acknowledged,
+    /// What is known of the poses that the topside holds; `None`: none is predicted from them.
+    poses: Option<SentPoses>,
     /// The last time that a frame stated.
     time: Option<f64>,
     /// What the scene shows beside the prior.
@@ -155,6 +162,7 @@ impl Encoder {
                 &residual_setup(engine, scene, camera, &options),
                 has_truth(&options),
             ),
+            poses: predicts_poses(&options).then(SentPoses::new),
             options,
             work: FrameWork::default(),
             renders_before: Vec::new(),
@@ -228,6 +236,15 @@ impl Encoder {
         self.acknowledged.add(frame);
     }
 
+    /// Tells the encoder whether the topside holds the pose of a frame, as [`Decoder::hold`](crate::Decoder::hold) took
+    /// it in and [`Report::poses`](crate::modem::Report::poses) tells. With [`EncoderOptions::predict_poses`] later
+    /// poses are predicted from it, as long as it is one of the last 64 frames. `frame` may be modulo 2¹⁶.
+    pub fn acknowledge_pose(&mut self, frame: u32, held: bool) {
+        if let Some(poses) = &mut self.poses {
+            poses.acknowledge(frame, held);
+        }
+    }
+
     /// The setup of the coder for a camera's difference pictures.
     pub(crate) fn residual_setup(&self) -> ResidualSetup {
         residual_setup(&self.engine, &self.scene, &self.camera, &self.options)
@@ -283,6 +300,11 @@ impl Encoder {
     pub fn announce(&mut self) {
         self.camera_age = None;
         self.stream_ended = true;
+        self.forget_poses();
+    }
+
+    fn forget_poses(&mut self) {
+        self.poses.iter_mut().for_each(SentPoses::forget_acknowledged);
     }
 
     /// The camera of the next frame.
@@ -411,6 +433,12 @@ impl Encoder {
         let latent = if short { latent.shortened(state, &self.camera)? } else { latent };
         let update = self.learnt.number();
         let latent = if update > 0 { latent.with_update(update) } else { latent };
+        work.session = session_check(state, &self.camera, &latent)?;
+        let may_be_predicted = short && found.certain && !work.has_render_check;
+        let latent = match self.poses.as_ref().filter(|_| may_be_predicted) {
+            Some(poses) => poses.predicted(self.frame, &latent, work.session),
+            None => latent,
+        };
         work.latent = Some(latent);
         work.camera = camera;
         work.rate = self.options.rate;
@@ -466,6 +494,9 @@ impl Encoder {
         let sent = work.camera.is_some();
         self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
         (self.full_due, self.stream_ended) = (false, false);
+        if let Some((poses, latent)) = self.poses.as_mut().zip(work.latent) {
+            poses.add(self.frame, &latent, work.session);
+        }
         self.frame = self.frame.wrapping_add(1);
         self.time = work.info.time.or(self.time);
         self.tracker.keep(found);
@@ -485,6 +516,7 @@ impl Encoder {
         self.full_due = true;
         self.stream_ended = true;
         self.acknowledged = Acknowledged::default();
+        self.forget_poses();
     }
 
     /// Renders up to `max` of the prior's key frames that are not rendered yet, and returns how many are left. With
@@ -640,6 +672,11 @@ impl Encoder {
 /// Whether packets get truth maps.
 fn has_truth(options: &EncoderOptions) -> bool {
     options.truth && options.residual == ResidualCoder::Wavelet
+}
+
+/// Whether poses may be predicted from those that the topside holds.
+fn predicts_poses(options: &EncoderOptions) -> bool {
+    options.predict_poses && options.short && options.residual == ResidualCoder::Wavelet
 }
 
 /// A mask, if it masks anything.

@@ -25,6 +25,8 @@ pub(crate) struct FrameWork {
     pub interest: Option<Arc<Interest>>,
     pub render: Picture,
     pub latent: Option<Latent>,
+    /// What the latent part is about: [`session_check`](crate::packet::session_check).
+    pub session: u32,
     pub camera: Option<Camera>,
     /// Whether the packet has a check of the render.
     pub has_render_check: bool,
@@ -196,8 +198,13 @@ impl FrameWork {
     ) -> Result<Written, Error> {
         let Coders { residual, truth } = coders;
         let (frame, render) = (&self.frame, &self.render);
-        // The coder counts the check of the full form.
-        let others = packet.encoded_len() - packet.latent.spared_check() + reserved.bytes;
+        // The coder counts length and check of the full form.
+        let others = packet.encoded_len() + reserved.bytes;
+        let budget = match rate {
+            Rate::Bytes(budget) => Some(budget),
+            Rate::Quality(_) | Rate::Psnr(_) => None,
+        };
+        let others = others - packet.latent.spared(budget, others);
         let in_stream = self.stream.as_ref().map(|stream| InStream {
             frame: StreamFrame {
                 frame: self.stats.frame,

@@ -8,6 +8,8 @@ use std::cell::RefCell;
 use nvsprior::Packet;
 use nvsprior::packet::{Extent, Latent, Parsed, Salvage, Session, valid_len};
 
+#[path = "predicted.rs"]
+mod predicted;
 #[path = "packet/reference.rs"]
 mod reference;
 #[path = "packet/repair.rs"]
@@ -28,6 +30,7 @@ thread_local! {
 }
 
 pub fn run(input: &[u8]) {
+    predicted::run(input);
     let Some((&choice, bytes)) = input.split_first() else { return };
     let mut bytes = bytes.to_vec();
     repair::repair(choice, &mut bytes);

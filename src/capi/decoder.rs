@@ -534,7 +534,7 @@ fn fill(core: &Core, work: &mut PacketWork, packet: &[u8], flags: u32) -> Result
         _ => return Err(Failure::argument("flags")),
     };
     // No packet of its size is longer than this; what follows it is padding.
-    work.parsed = Parsed::of(packet);
+    work.parsed = core.decoder.parse(packet);
     let latent = work.parsed.as_ref().ok().map(|parsed| &parsed.parts().latent);
     let size = latent.and_then(|latent| match latent.session {
         Session::Stated { width, height, .. } => Some((width, height)),

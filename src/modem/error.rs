@@ -35,6 +35,10 @@ pub enum ModemError {
     UnprotectedCount(usize),
     #[error("stream {0}: unprotected packets are of stream 0")]
     UnprotectedStream(u8),
+    #[error("a packet in the predicted form without protection: write it in the short form")]
+    UnprotectedPrediction,
+    #[error("shares with {0} bytes more than the packet has: divide a packet of its length")]
+    Padding(usize),
     #[error("reports for a sender without a bit rate")]
     UnpacedReports,
     #[error("a rate or a loss for a sender that was made without a bit rate")]

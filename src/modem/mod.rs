@@ -85,12 +85,18 @@
 //!
 //! | bytes | first layer |
 //! |---|---|
-//! | 1 | low three bits: number of other layers; bit 3: user bytes follow; the others are 0 |
+//! | 1 | low three bits: number of other layers; bit 3: user bytes follow; of an open packet: bit 4: padded, bit 5: cut; the others are 0 |
 //! | 2 and more per layer | threshold and chunk, in bytes, as the chunk above |
 //! | 1 + length | length of the user bytes, and they; if bit 3 is set |
 //! | … | the packet's first bytes |
 //!
 //! The other layers hold the packet's next bytes. After its last one there may be zeros.
+//!
+//! Of a packet in the [predicted form](crate::packet) byte 1 does not travel: it is the number that each share has,
+//! and whether the packet is whole, which the collector knows. An *open* packet is one in that form with a residual. It
+//! does not say where it ends. So it ends with the last layer. If that layer is *padded*, its last byte tells how many
+//! bytes of it are not the packet's, itself counted. If the packet is *cut*, its end is not sent. The check of its
+//! latent part is for the decoder to test: it needs the poses that the packet is predicted from.
 //!
 //! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
 //! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.
@@ -131,6 +137,7 @@ mod error;
 mod limits;
 mod memory;
 mod report;
+mod reported_poses;
 mod reported_updates;
 mod send;
 mod wire;

@@ -16,6 +16,8 @@
 //! | 4 | if the last update follows: its number and tag, as in its [pieces](super); pieces that came, 255: it is whole |
 //! | 1 + length | length of the user bytes, and they; if there are any |
 //! | 2 | CRC-16/IBM-3740 of all bytes before |
+//! | 4 | if the topside holds poses: a bit per frame, low bits first: that of the newest frame number, and those before it |
+//! | 2 | with them: CRC-16/IBM-3740 of all bytes before |
 //!
 //! States: 0 nothing came; 1 shares came, but not all of the packet; 2 the packet is whole; 3 its picture was decoded
 //! in full, too. Padding may follow. Of an unprotected packet the first 256 shares are listed; until its length has
@@ -23,12 +25,16 @@
 //!
 //! *Updates*: the states that the topside holds beside the prior alone, and the update whose piece came last. Reports
 //! of topsides that take no updates tell nothing of them; such reports are as they were before there were updates.
+//!
+//! *Poses*: the frames whose poses the topside holds. A vehicle that does not know of them takes these six bytes for
+//! padding.
 
 use crate::packet::bytes::crc16;
 use crate::prior::StateId;
 
 use super::error::ModemError;
 use super::limits::{MAX_SHARES, STREAMS};
+use super::reported_poses::{self, ReportedPoses};
 use super::reported_updates::{LastUpdate, ReportedUpdates};
 
 /// Most packets that a report tells of.
@@ -125,6 +131,8 @@ pub struct Report {
     packets: [ReportedPacket; MAX_REPORTED],
     /// `None`: it tells nothing of updates.
     updates: Option<ReportedUpdates>,
+    /// `None`: it tells nothing of poses.
+    poses: Option<ReportedPoses>,
 }
 
 impl Report {
@@ -142,8 +150,15 @@ impl Report {
             return Err(ModemError::Stream(stream));
         }
         let newest = newest % NUMBERS;
-        let (reported, updates) = (0, None);
-        let mut report = Report { stream, newest, reported, packets: Default::default(), updates };
+        let packets_told = Default::default();
+        let mut report = Report {
+            stream,
+            newest,
+            reported: 0,
+            packets: packets_told,
+            updates: None,
+            poses: None,
+        };
         for packet in packets.take(MAX_REPORTED) {
             report.packets[report.reported] = packet;
             report.reported += 1;
@@ -171,6 +186,18 @@ impl Report {
     /// [`Decoder::states`](crate::Decoder::states) gives them. Of more than four the newest are told.
     pub fn tell_states(&mut self, states: impl Iterator<Item = (u16, StateId)>) {
         self.updates.get_or_insert_default().set_states(states);
+    }
+
+    /// Tells the vehicle the poses of which frames the topside holds, of the last 32:
+    /// [`Decoder::holds_pose`](crate::Decoder::holds_pose). Later poses are then predicted from them.
+    pub fn tell_poses(&mut self, holds: impl Fn(u32) -> bool) {
+        self.poses = Some(ReportedPoses::new(self.newest, holds));
+    }
+
+    /// Frame numbers modulo 2¹⁶, newest first, and whether the topside holds their poses, for
+    /// [`Encoder::acknowledge_pose`](crate::Encoder::acknowledge_pose). None if the report does not tell.
+    pub fn poses(&self) -> impl Iterator<Item = (u32, bool)> {
+        self.poses.into_iter().flat_map(|poses| poses.each(self.newest))
     }
 
     /// Tells of the update whose piece came last.
@@ -202,6 +229,8 @@ impl Report {
         }
         let needed = HEAD + user_len + CHECK;
         let room = mtu.checked_sub(needed).ok_or(ModemError::ReportMtu { mtu, needed })?;
+        let poses = self.poses.filter(|_| room >= reported_poses::LEN);
+        let room = room - poses.map_or(0, |_| reported_poses::LEN);
         let updates = self.updates.and_then(|updates| updates.written(room));
         let reported = &self.packets[..self.fitting(room - updates.map_or(0, |(_, len)| len))];
         let mut bytes = Written { into, len: 0 };
@@ -226,6 +255,10 @@ impl Report {
         }
         let check = crc16(&[&bytes.into[..bytes.len]]);
         bytes.add(&check.to_le_bytes());
+        if let Some(poses) = poses {
+            let told = poses.bytes(&bytes.into[..bytes.len]);
+            bytes.add(&told);
+        }
         Ok(bytes.len)
     }
 
@@ -257,6 +290,7 @@ impl Report {
             reported,
             packets: Default::default(),
             updates: None,
+            poses: None,
         };
         let packets = report.packets.get_mut(..reported).ok_or(ModemError::NotAFrame(mark))?;
         for (packet, state) in packets.iter_mut().zip(states) {
@@ -284,6 +318,8 @@ impl Report {
         let check = crc16(&[&bytes[..rest.at]]);
         let found = [rest.byte()?, rest.byte()?];
         if u16::from_le_bytes(found) == check {
+            let (own, after) = bytes.split_at(rest.at);
+            report.poses = ReportedPoses::read(own, after);
             Ok((report, user))
         } else {
             Err(ModemError::ReportCheck)
@@ -398,6 +434,23 @@ mod tests {
         let updates = read.updates().unwrap();
         assert!(updates.holds(2, StateId(77)) && !updates.holds(1, StateId(78)));
         assert!(updates.last.is_some() && read.packets().count() == 0);
+    }
+
+    #[test]
+    fn poses_come_behind_and_leave_the_report_as_it_is() {
+        let mut with = with_updates();
+        with.tell_poses(|frame| frame as u16 != 0xFFFF);
+        let bytes = bytes_of(&with, 80, Some(b"user"));
+        let plain = bytes_of(&with_updates(), 80, Some(b"user"));
+        assert_eq!(bytes[..plain.len()], plain);
+        let (read, user) = Report::read(&bytes).unwrap();
+        assert_eq!((read, user), (with, Some(&b"user"[..])));
+        let poses: Vec<_> = read.poses().take(4).collect();
+        assert_eq!(poses, [(1, true), (0, true), (0xFFFF, false), (0xFFFE, true)]);
+        assert_eq!(Report::read(&plain).unwrap().0.poses().count(), 0);
+        // A small modem frame has no room for them.
+        let (small, _) = Report::read(&bytes_of(&with, 8, None)).map(|(r, _)| (r, ())).unwrap();
+        assert_eq!(small.poses().count(), 0);
     }
 
     #[test]

@@ -78,6 +78,8 @@ pub enum PacketError {
     ShortPose,
     #[error("a difference picture with small blocks goes with the short form of a packet alone")]
     SmallBlocks,
+    #[error("what the packet is to say is not in the predicted form: write it in the short one")]
+    Predicted,
     #[error("unknown residual coder {0}")]
     Coder(u8),
     /// A truth map goes with the wavelet coder alone.
@@ -90,6 +92,12 @@ pub enum PacketError {
     Reference(usize),
     #[error("residual part: length beyond {max} bytes", max = MAX_PAYLOAD)]
     PayloadLength,
+    /// The predicted form: see [`crate::Decoder::hold`].
+    #[error(
+        "the pose of frame {frame} is predicted from that of frame {reference}, which is not held: \
+         wait for a packet that states its pose"
+    )]
+    PoseNotHeld { frame: u32, reference: u32 },
     #[error("packet about prior {packet}, this side holds {held}")]
     Prior { packet: PriorId, held: PriorId },
 }

@@ -13,6 +13,12 @@ pub(super) const FRAMES: u32 = 1 << 24;
 /// In the short form, and if the frame is drawn with updates, modulo this.
 pub(super) const SHORT_FRAMES: u32 = 1 << 16;
 
+/// In the predicted form, modulo this.
+pub(super) const PREDICTED_FRAMES: u32 = 1 << 7;
+
+/// Bit of the second byte in the predicted form: the packet ends where its bytes end.
+pub(super) const WHOLE: u8 = 1 << 7;
+
 /// What the first two bytes say of the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Form {
@@ -20,11 +26,16 @@ pub(super) struct Form {
     pub full: Option<PoseProfile>,
     /// The frame is drawn with updates.
     pub learnt: bool,
+    /// Length of the part in the predicted form, bytes; `None`: it has another one.
+    pub predicted: Option<usize>,
 }
 
 impl Form {
     /// Length of the part, bytes.
     pub(super) fn latent_len(self) -> usize {
+        if let Some(len) = self.predicted {
+            return len;
+        }
         match (self.full, self.learnt) {
             (Some(profile), _) => FIXED_LEN + profile.encoded_len(),
             (None, false) => SHORT_LATENT_LEN,
@@ -34,6 +45,17 @@ impl Form {
 
     /// Frame numbers are sent modulo this.
     pub(super) fn frames(self) -> u32 {
-        if self.full.is_some() && !self.learnt { FRAMES } else { SHORT_FRAMES }
+        match self.predicted {
+            Some(_) => PREDICTED_FRAMES,
+            None if self.full.is_some() && !self.learnt => FRAMES,
+            None => SHORT_FRAMES,
+        }
     }
+}
+
+/// Which parts come after the latent part.
+pub(super) struct Follows {
+    pub(super) camera: bool,
+    pub(super) render: bool,
+    pub(super) residual: u8,
 }

@@ -6,9 +6,10 @@ use crate::prior::PriorId;
 use super::bytes::{Reader, crc16, from_u24, to_u24};
 use super::camera_tag::size_bytes;
 use super::error::{PacketError, Part};
-use super::form::{FRAMES, Form, LEARNT_SHORT_LEN, SHORT_FRAMES, SHORT_LATENT_LEN};
+use super::form::{FRAMES, Follows, Form, LEARNT_SHORT_LEN, SHORT_FRAMES, SHORT_LATENT_LEN};
 use super::pose::{PoseProfile, QuantisedPose};
-use super::residual::{Check, SMALL_BLOCKS};
+use super::predicted::Prediction;
+use super::residual::{Check, SMALL_BLOCKS, may_be_predicted, residual_part_len};
 use super::session::Session;
 
 /// High four bits of the first byte.
@@ -51,13 +52,8 @@ pub struct Latent {
     pub uncertain: bool,
     /// The encoder's device draws what every portable device draws.
     pub portable: bool,
-}
-
-/// Which parts come after the latent part.
-pub(super) struct Follows {
-    pub(super) camera: bool,
-    pub(super) render: bool,
-    pub(super) residual: u8,
+    /// The pose as the predicted form states it; `None`: the part has another form, or was read.
+    pub predicted: Option<Prediction>,
 }
 
 impl Follows {
@@ -86,7 +82,8 @@ impl Latent {
         uncertain: bool,
     ) -> Result<Latent, PacketError> {
         let (frame, session) = (frame % Self::FRAMES, Session::stated(prior, camera)?);
-        Ok(Latent { frame, session, update: None, pose, uncertain, portable: true })
+        let (update, predicted) = (None, None);
+        Ok(Latent { frame, session, update, pose, uncertain, portable: true, predicted })
     }
 
     /// Says that the frame is drawn with updates. Its session is then of the state after them, as if that were the
@@ -133,7 +130,7 @@ impl Latent {
 
     /// Version of the wire format, as the first byte states it.
     pub fn version(&self) -> u8 {
-        let Form { full, learnt } = self.form();
+        let Form { full, learnt, .. } = self.form();
         match (full.is_some(), learnt, self.portable) {
             (true, false, true) => VERSION,
             (true, false, false) => VERSION_NOT_PORTABLE,
@@ -146,7 +143,7 @@ impl Latent {
         }
     }
 
-    /// Whether it is written in the short form.
+    /// Whether it is written in the short form, or in the predicted one.
     pub fn is_short(&self) -> bool {
         self.form().full.is_none()
     }
@@ -156,14 +153,34 @@ impl Latent {
             Session::Stated { .. } => Some(self.pose.profile()),
             Session::Tagged(_) => None,
         };
-        Form { full, learnt: self.update.is_some() }
+        let predicted = self.predicted.map(|prediction| prediction.latent_len());
+        Form { full, learnt: self.update.is_some(), predicted }
     }
 
-    /// Bytes by which the residual part's check is shorter than [`residual_part_len`] says.
+    /// Whether it is written in the predicted form.
+    pub fn is_predicted(&self) -> bool {
+        self.predicted.is_some()
+    }
+
+    /// Bytes at the start of the packet that shares tell by themselves: the frame number of the predicted form.
+    pub fn told_by_shares(&self) -> usize {
+        usize::from(self.is_predicted())
+    }
+
+    /// Bytes by which a packet of at most `budget` bytes is shorter on a link than [`residual_part_len`] says.
+    /// `others`: those that are not the residual part.
     ///
     /// [`residual_part_len`]: super::residual_part_len
-    pub fn spared_check(&self) -> usize {
-        Check::Crc32.len() - Check::of(self.form()).len()
+    pub fn spared(&self, budget: Option<usize>, others: usize) -> usize {
+        let check = Check::of(self.form());
+        let check_len = Check::Crc32.len() - check.len();
+        if check.has_length() {
+            return check_len;
+        }
+        let told = self.told_by_shares();
+        let payload =
+            budget.map_or(0, |budget| (budget + told).saturating_sub(others + check.len()));
+        check_len + told + residual_part_len(payload) - Check::Crc32.len() - payload
     }
 
     /// Length of the part, bytes.
@@ -173,11 +190,16 @@ impl Latent {
 
     /// Length of the full form, bytes.
     pub fn full_len(profile: PoseProfile) -> usize {
-        Form { full: Some(profile), learnt: false }.latent_len()
+        Form { full: Some(profile), learnt: false, predicted: None }.latent_len()
     }
 
     /// Writes the part at the start of an empty packet.
     pub(super) fn write(&self, follows: &Follows, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
+        if let Some(prediction) = &self.predicted {
+            self.check_predicted(follows)?;
+            prediction.write(follows, self.frame, bytes);
+            return Ok(());
+        }
         let code = match (self.form().full, follows.residual & SMALL_BLOCKS != 0) {
             (full, false) => full.unwrap_or(PoseProfile::Short).code(),
             (None, true) => SMALL_BLOCKS_CODE,
@@ -209,6 +231,15 @@ impl Latent {
         let check = crc16(&[bytes]);
         bytes.extend_from_slice(&check.to_le_bytes());
         Ok(())
+    }
+
+    /// Checks that the predicted form can say all that is to be said.
+    fn check_predicted(&self, follows: &Follows) -> Result<(), PacketError> {
+        let fits = !(self.uncertain || follows.camera || follows.render);
+        match fits && may_be_predicted(follows.residual) {
+            true => Ok(()),
+            false => Err(PacketError::Predicted),
+        }
     }
 
     /// The frame number, and that of the update.
@@ -258,6 +289,7 @@ impl Latent {
             pose: pose?,
             uncertain: flags & FLAG_UNCERTAIN != 0,
             portable: PORTABLE.contains(&(first & 0xF)),
+            predicted: None,
         };
         Ok((latent, Follows::of_flags(flags), &bytes[len..]))
     }
@@ -274,9 +306,9 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
     let learnt = version >= VERSION_LEARNT;
     match version {
         VERSION | VERSION_NOT_PORTABLE | VERSION_LEARNT | VERSION_LEARNT_NOT_PORTABLE => {
-            let shortest = Form { full: Some(PoseProfile::Compact), learnt }.latent_len();
-            Reader::new(bytes, Part::Latent, shortest)?;
-            PoseProfile::of_code(code).map(|profile| Form { full: Some(profile), learnt })
+            let form = |profile| Form { full: Some(profile), learnt, predicted: None };
+            Reader::new(bytes, Part::Latent, form(PoseProfile::Compact).latent_len())?;
+            PoseProfile::of_code(code).map(form)
         }
         VERSION_SHORT
         | VERSION_SHORT_NOT_PORTABLE
@@ -288,7 +320,7 @@ pub(super) fn check_start(bytes: &[u8]) -> Result<Form, PacketError> {
             if flags & FLAG_CAMERA != 0 {
                 return Err(PacketError::ShortCamera);
             }
-            Ok(Form { full: None, learnt })
+            Ok(Form { full: None, learnt, predicted: None })
         }
         // Garbage begins so, too: a newer packet is one whose check matches where later versions promise it.
         version if is_later(bytes) => Err(PacketError::Version(version)),

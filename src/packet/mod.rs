@@ -3,7 +3,7 @@
 //! A packet is a *latent part*, which makes a picture by itself, and up to three parts after it. All
 //! numbers are little endian, all floats IEEE 754.
 //!
-//! The latent part has two forms. The full one names prior, size and camera:
+//! The latent part has three forms. The full one names prior, size and camera:
 //!
 //! | byte | latent part, full form |
 //! |---|---|
@@ -46,6 +46,41 @@
 //! [`session_tag`] of that state and the camera. So the full form has as many bytes as without updates, and the short
 //! form one more, 20.
 //!
+//! The *predicted form* is for packets in [protected shares](crate::modem), to a topside that has told which poses it
+//! holds. It states the pose as what it differs by from one that both sides compute. The pose is on the short form's
+//! grid, so the picture is the same.
+//!
+//! | byte | latent part, predicted form: 9 to 18 bytes |
+//! |---|---|
+//! | 0 | high four bits `0x8`, low four bits what follows: the residual's number in the flags, 8 more with small blocks |
+//! | 1 | bit 7: the packet ends where its bytes do, else its end is missing; bits 0–6: frame number, modulo 2⁷ |
+//! | 2–… | pose: see below; zero bits up to a byte |
+//! | next 2 | CRC-16/IBM-3740 of its context, byte 0 and the pose |
+//!
+//! | bits | pose, predicted form; the first bit of a byte is its highest |
+//! |---|---|
+//! | 6 | how many frames before this one the *reference* came, − 1 |
+//! | 3 | how many frames before the reference the other one came that tells the motion; 0: there is none |
+//! | 3, 3 | scale *s* of the centre's numbers, of the rotation's |
+//! | … | centre's three numbers, rotation's three: Rice code of parameter *s* + 2 of 0, −1, 1, −2, … |
+//!
+//! The numbers are steps of the short code, added to the prediction. That is the reference's pose. With another frame
+//! it is the pose to which its motion goes on: the centre moves evenly, and so does the quaternion, which is then
+//! brought to unit length. The arithmetic is of integers ([`Prediction`]). The quaternion's largest component is that
+//! of the reference. The frame has the prior, the update, the camera and the device of the reference. It is certain,
+//! and has neither camera nor render part; others have the short form.
+//!
+//! The *scale* is stated. What a prediction is off by is how the vehicle's motion has changed since the reference, and
+//! not what the search leaves open. The topside knows neither.
+//!
+//! The *context* is the CRC-32 (IEEE) of: the frame number modulo 2¹⁶; the CRC-32 of prior or state, size, intrinsics,
+//! portability and update; the reference's pose, and that of the other frame, each as seven numbers. So the check finds
+//! another vehicle's poses under the same numbers, and a frame number that was completed wrongly.
+//!
+//! The first byte differs in two bits from that of the other forms, whose versions are all taken: every other one is
+//! one flipped bit from one in use. Topsides that do not know it call it no packet, and do not tell which poses they
+//! hold. Shares leave byte 1 out, as they tell the number themselves, and the collector puts it back.
+//!
 //! | bytes | camera part |
 //! |---|---|
 //! | 16 | fx, fy, cx, cy as f32 |
@@ -62,6 +97,7 @@
 //! | length | payload |
 //! | 4 | CRC-32 (IEEE) of the latent part, the length and the payload; after the full form |
 //! | 2 | CRC-16/IBM-3740 of the latent part's CRC-32, the length and the payload; after the short form |
+//! | 1 | CRC-8/SMBUS of the CRC-32 of the latent part without byte 1, and of the payload; after the predicted form, whose residual part has no length |
 //!
 //! The payload of a frame of a stream begins with its reference. Then come the wavelet coder's bytes:
 //!
@@ -87,7 +123,8 @@
 //! hold the last 32 frames of a stream.
 //!
 //! The residual's check covers the latent part too. So a residual is never added to the picture of
-//! another frame. Bytes after the last part are ignored: modems pad.
+//! another frame. Bytes after the last part are ignored: modems pad. After the predicted form no padding may follow:
+//! the collector takes it off.
 //!
 //! **Later versions** keep the first byte's high four bits, and end their latent part with the CRC-16 of all bytes
 //! before it, after 19, 20, 31 or 43 bytes. So a packet of a later version is told from garbage
@@ -102,20 +139,25 @@
 //! bits. That holds as long as the part's length is right, which depends on version and profile. No two flipped bits
 //! turn one form into the other.
 //!
-//! | damage | full form | short form |
-//! |---|---|---|
-//! | one or two bits of the latent part | never missed | never missed |
-//! | a random latent part | 1 in 65,536 | 1 in 131,072: a bit of the pose is always zero |
-//! | a random latent part and the residual after it, both | 1 in 2⁴⁸ | 1 in 2³³ |
-//! | one bit of a residual's payload or check | never missed | never missed |
-//! | one bit of a residual's length | 1 in 2³² | 1 in 65,536 |
-//! | a random residual part, or that of another packet | 1 in 2³² | 1 in 65,536 |
-//! | a reference of the right number and another stream | 1 in 65,536 | 1 in 65,536 |
-//! | a prior that is not the vehicle's | 1 in 2³² | 1 in 256 per known camera |
-//! | a camera that is not the vehicle's | 1 in 256 | 1 in 256 |
+//! | damage | full form | short form | predicted form, beside the share's CRC-16 |
+//! |---|---|---|---|
+//! | one or two bits of the latent part | never missed | never missed | one never; two 1 in 65,536, if they name another reference |
+//! | a random latent part | 1 in 65,536 | 1 in 131,072: a bit of the pose is always zero | 1 in 65,536 |
+//! | a random latent part and the residual after it, both | 1 in 2⁴⁸ | 1 in 2³³ | 1 in 2²⁴ |
+//! | one bit of a residual's payload or check | never missed | never missed | never missed |
+//! | one bit of a residual's length | 1 in 2³² | 1 in 65,536 | there is none |
+//! | a random residual part, or that of another packet | 1 in 2³² | 1 in 65,536 | 1 in 256 |
+//! | a reference of the right number and another stream | 1 in 65,536 | 1 in 65,536 | 1 in 65,536 |
+//! | a prior that is not the vehicle's | 1 in 2³² | 1 in 256 per known camera | 1 in 65,536 |
+//! | a camera that is not the vehicle's | 1 in 256 | 1 in 256 | 1 in 65,536 |
+//! | a pose that is held under the right number, of another vehicle | | | 1 in 65,536 |
 //!
 //! Measured in the short form: 966 of 2²⁷ random latent parts were missed, none of 2²⁵ with one, two or three flipped
 //! bits, and 69 of 2²² random residual parts.
+//!
+//! In the predicted form a wrong pose would spoil those that are predicted from it, too, so its check stays as long as
+//! the others'. Its residual spoils one picture, and each share that it comes in has a CRC-16 of its own: together they
+//! miss 1 in 2²⁴.
 //!
 //! A pose is as safe in the short form as in the full one. A residual is less safe: a damaged one that passes spoils
 //! one picture. The chances of the last two rows count once per vehicle and topside, not once per packet. The next
@@ -127,27 +169,34 @@ mod camera_tag;
 mod error;
 mod extent;
 mod form;
+mod held;
 mod latent;
 mod parsed;
 pub mod pose;
+mod predicted;
 mod render;
 mod residual;
+mod sent;
 mod session;
 pub(crate) mod truth;
 
 use crate::Camera;
 
-use latent::Follows;
+use form::Follows;
 use residual::Check;
 
 pub use camera_tag::camera_tag;
 pub use error::{PacketError, Part};
 pub use extent::{Extent, valid_len};
+pub use held::{HeldPoses, session_check};
 pub use latent::Latent;
 pub use parsed::Parsed;
 pub use pose::{PoseProfile, QuantisedPose};
+pub use predicted::Prediction;
+pub(crate) use predicted::{is_predicted, mark_whole};
 pub use render::RenderCheck;
 pub use residual::{Coder, Reference, Residual, ResidualStart, residual_part_len};
+pub(crate) use sent::SentPoses;
 pub use session::{Session, session_tag};
 
 /// Length of the latent part in the paper's profile, the longer one, bytes.
@@ -250,6 +299,9 @@ impl<'a> Packet<'a> {
     }
 
     /// Reads a packet; all its parts must be valid.
+    ///
+    /// # Errors
+    /// If a part is damaged, or not all of it is there. If the pose is predicted from another one.
     pub fn decode(bytes: &'a [u8]) -> Result<Packet<'a>, PacketError> {
         let Salvage { latent, camera, render, residual, truth, .. } = Packet::salvage(bytes)?;
         Ok(Packet { latent, camera: camera?, render: render?, residual: residual?, truth })
@@ -258,8 +310,21 @@ impl<'a> Packet<'a> {
     /// Reads what is valid in a truncated or damaged packet.
     ///
     /// # Errors
-    /// If the latent part is not valid: the packet is then of no use.
+    /// If the latent part is not valid, or predicted from a pose: the packet is then of no use.
     pub fn salvage(bytes: &'a [u8]) -> Result<Salvage<'a>, PacketError> {
+        Packet::salvage_with(bytes, &HeldPoses::default())
+    }
+
+    /// As [`Packet::salvage`], with the poses that the packet's may be predicted from.
+    pub fn salvage_with(bytes: &'a [u8], held: &HeldPoses) -> Result<Salvage<'a>, PacketError> {
+        if predicted::is_predicted(bytes) {
+            let (latent, follows, len) = held.read(bytes)?;
+            let (latent_bytes, rest) = bytes.split_at(len);
+            let found = residual::decode(follows.residual, rest, latent_bytes, Check::Crc8);
+            let residual::Found { residual, start: residual_start, truth } = found;
+            let (camera, render) = (Ok(None), Ok(None));
+            return Ok(Salvage { latent, camera, render, residual, residual_start, truth });
+        }
         let (latent, follows, rest) = Latent::read(bytes)?;
         let latent_bytes = &bytes[..bytes.len() - rest.len()];
         // Both lengths are fixed, so damage in these parts does not hide those after them.

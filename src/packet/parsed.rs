@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Packet, PacketError, Part, Residual, ResidualStart, Salvage, truth};
+use super::{HeldPoses, Packet, PacketError, Part, Residual, ResidualStart, Salvage, truth};
 
 /// What [`Packet::salvage`] found in some bytes. [`Parsed::of`] those bytes it is the same again, at no cost.
 #[derive(Clone, Debug)]
@@ -21,10 +21,15 @@ impl Parsed {
     /// Reads what is valid in a truncated or damaged packet.
     ///
     /// # Errors
-    /// If the latent part is not valid: the packet is then of no use.
+    /// If the latent part is not valid, or predicted from a pose: the packet is then of no use.
     pub fn of(bytes: &[u8]) -> Result<Parsed, PacketError> {
+        Parsed::with(bytes, &HeldPoses::default())
+    }
+
+    /// As [`Parsed::of`], with the poses that the packet's may be predicted from.
+    pub fn with(bytes: &[u8], held: &HeldPoses) -> Result<Parsed, PacketError> {
         let Salvage { latent, camera, render, residual, residual_start, truth } =
-            Packet::salvage(bytes)?;
+            Packet::salvage_with(bytes, held)?;
         let payload = residual.as_ref().map_or(&[][..], Residual::payload);
         let start = residual_start.map_or(&[][..], |start| start.payload);
         let (payload, start) = (range_in(bytes, payload), range_in(bytes, start));

@@ -103,6 +103,16 @@ impl PoseProfile {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuantisedPose(Code);
 
+/// A pose in the steps of the short code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ShortCode {
+    pub centre: [i32; 3],
+    /// Index of the rotation's largest component.
+    pub largest: usize,
+    /// The other components.
+    pub small: [i32; 3],
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Code {
     Compact { centre: [i32; 3], largest: usize, small: [i32; 3] },
@@ -200,7 +210,7 @@ impl QuantisedPose {
     }
 
     /// In the short code's steps.
-    fn short(&self) -> Option<([i32; 3], usize, [i32; 3])> {
+    pub(super) fn short(&self) -> Option<ShortCode> {
         let Code::Compact { centre, largest, small } = self.0 else { return None };
         let on_grid = |v: [i32; 3], step| v.iter().all(|v| v % step == 0);
         if !on_grid(centre, SHORT_CENTRE_STEPS) || !on_grid(small, SHORT_SMALL_STEPS) {
@@ -209,7 +219,7 @@ impl QuantisedPose {
         let centre = centre.map(|v| v / SHORT_CENTRE_STEPS);
         let small = small.map(|v| v / SHORT_SMALL_STEPS);
         let reached = centre.iter().all(|v| SHORT_CENTRE.contains(v));
-        reached.then_some((centre, largest, small))
+        reached.then_some(ShortCode { centre, largest, small })
     }
 
     /// How it is written in the full form.
@@ -222,7 +232,7 @@ impl QuantisedPose {
 
     /// Appends the short code's bytes. `None` if it cannot hold the pose.
     pub(super) fn write_short(&self, bytes: &mut Vec<u8>) -> Option<()> {
-        let (centre, largest, small) = self.short()?;
+        let ShortCode { centre, largest, small } = self.short()?;
         centre.iter().for_each(|v| bytes.extend_from_slice(&(*v as i16).to_le_bytes()));
         let zero = SHORT_SMALL_MAX + 1;
         let rotation = small
@@ -241,12 +251,26 @@ impl QuantisedPose {
         let zero = SHORT_SMALL_MAX + 1;
         let small = [2, 1, 0].map(|i| (bits >> (i * SHORT_SMALL_BITS) & mask) as i32 - zero);
         let largest = (bits >> (3 * SHORT_SMALL_BITS)) as usize;
+        QuantisedPose::of_short(&ShortCode { centre, largest, small })
+    }
+
+    /// From the short code's steps.
+    ///
+    /// # Errors
+    /// [`PacketError::Pose`] if they are no pose, or beyond the code's reach.
+    pub(super) fn of_short(short: &ShortCode) -> Result<QuantisedPose, PacketError> {
+        let ShortCode { centre, largest, small } = *short;
+        let reached = centre.iter().all(|v| SHORT_CENTRE.contains(v))
+            && small.iter().all(|v| SHORT_SMALL.contains(v));
+        if !reached || largest >= 4 {
+            return Err(PacketError::Pose);
+        }
         let code = Code::Compact {
             centre: centre.map(|v| v * SHORT_CENTRE_STEPS),
             largest,
             small: small.map(|v| v * SHORT_SMALL_STEPS),
         };
-        if largest < 4 && code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
+        if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
 
     pub(super) fn write(&self, bytes: &mut Vec<u8>) {

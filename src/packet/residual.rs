@@ -2,8 +2,11 @@
 
 use super::bytes::{Reader, crc16};
 use super::error::{MAX_PAYLOAD, PacketError, Part};
-use super::form::Form;
+use super::form::{Form, WHOLE};
 use super::truth;
+
+/// CRC-8/SMBUS: polynomial 0x07, initial value 0, nothing reflected.
+const CRC8: crc::Crc<u8> = crc::Crc::<u8>::new(&crc::CRC_8_SMBUS);
 
 /// What a part ends with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,14 +16,23 @@ pub(super) enum Check {
     /// CRC-16 of the latent part's CRC-32, length and payload. The latent part ends with a CRC-16 of its own; a CRC-16
     /// over all of it would depend on eight of its bits only.
     Crc16,
+    /// CRC-8 of the latent part's CRC-32 and the payload, for the predicted form. There is no length: the payload ends
+    /// where the packet does. The frame number does not count, as the latent part's check covers all of it.
+    Crc8,
 }
 
 impl Check {
     pub(super) fn of(form: Form) -> Check {
-        match form.full {
-            Some(_) => Check::Crc32,
-            None => Check::Crc16,
+        match (form.predicted, form.full) {
+            (Some(_), _) => Check::Crc8,
+            (None, Some(_)) => Check::Crc32,
+            (None, None) => Check::Crc16,
         }
+    }
+
+    /// Whether the part begins with its length.
+    pub(super) fn has_length(self) -> bool {
+        self != Check::Crc8
     }
 
     /// Bytes that it takes.
@@ -28,6 +40,7 @@ impl Check {
         match self {
             Check::Crc32 => 4,
             Check::Crc16 => 2,
+            Check::Crc8 => 1,
         }
     }
 
@@ -43,6 +56,15 @@ impl Check {
             Check::Crc16 => {
                 let latent = crc32fast::hash(latent).to_le_bytes();
                 u32::from(crc16(&[&latent, part])).to_le_bytes()
+            }
+            Check::Crc8 => {
+                let mut hasher = crc32fast::Hasher::new();
+                hasher.update(&latent[..1]);
+                hasher.update(&latent[2..]);
+                let mut digest = CRC8.digest();
+                digest.update(&hasher.finalize().to_le_bytes());
+                digest.update(part);
+                u32::from(digest.finalize()).to_le_bytes()
             }
         }
     }
@@ -62,6 +84,13 @@ pub(super) const SMALL_BLOCKS: u8 = 8;
 
 const CODE_STREAM_SMALL_BLOCKS: u8 = CODE_STREAM | SMALL_BLOCKS;
 const CODE_TRUTH_SMALL_BLOCKS: u8 = CODE_TRUTH | SMALL_BLOCKS;
+
+/// Whether the predicted form of a latent part has a number for what follows it.
+pub(super) fn may_be_predicted(code: u8) -> bool {
+    let wavelet = [Coder::Wavelet as u8, CODE_STREAM, CODE_TRUTH];
+    let plain = [CODE_NONE, CODE_OMITTED, CODE_ALL_SEEN].contains(&code);
+    plain || wavelet.contains(&(code & !SMALL_BLOCKS))
+}
 
 /// How a difference picture is coded; the number is the code in a packet's flags.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -189,7 +218,7 @@ pub struct ResidualStart<'a> {
     pub reference: Option<Reference>,
     /// Its first bytes. No check covers them.
     pub payload: &'a [u8],
-    /// How many bytes it has in all.
+    /// How many bytes it has in all. In the predicted form that is not known: as many as there are.
     pub payload_len: usize,
 }
 
@@ -229,14 +258,16 @@ pub(super) fn encoded_len(residual: &Residual, truth: Option<&[u8]>, check: Chec
 
 /// Length of the part that holds a payload, bytes.
 fn len_with(payload: usize, check: Check) -> usize {
-    length_field(payload).count() + payload + check.len()
+    let length = if check.has_length() { length_field(payload).count() } else { 0 };
+    length + payload + check.len()
 }
 
 /// Length of the longest truth map with which a residual's part has at most `budget` bytes.
 pub(super) fn truth_room(residual: &Residual, check: Check, budget: usize) -> usize {
     let content = budget.saturating_sub(check.len());
     let (_, front) = front(residual);
-    let others = length_field(content).count() + front + residual.payload().len();
+    let length = if check.has_length() { length_field(content).count() } else { 0 };
+    let others = length + front + residual.payload().len();
     // Without a residual, a map by which all is as seen takes no byte.
     let free = usize::from(matches!(residual, Residual::None));
     content.saturating_sub(others).max(free)
@@ -288,7 +319,9 @@ pub(super) fn write(
         return Err(PacketError::PayloadLength);
     }
     let start = packet.len();
-    packet.extend(length_field(length));
+    if check.has_length() {
+        packet.extend(length_field(length));
+    }
     if let Some((first, rest)) = truth {
         packet.push(first & !truth::FOLLOWER | follower(residual)?);
         packet.extend_from_slice(rest);
@@ -340,7 +373,8 @@ pub(super) fn decode<'a>(code: u8, bytes: &'a [u8], latent: &[u8], check: Check)
     match checked(bytes, latent, check) {
         Ok((_, payload)) => Found::without_part(kind.residual(payload)),
         Err(error) => {
-            let start = cut_content(bytes, check).and_then(|(start, len)| kind.start(start, len));
+            let cut = cut_content(bytes, latent, check);
+            let start = cut.and_then(|(start, len)| kind.start(start, len));
             Found { residual: Err(error), start, truth: None }
         }
     }
@@ -351,7 +385,7 @@ fn with_truth<'a>(small_blocks: bool, bytes: &'a [u8], latent: &[u8], check: Che
     let whole = checked(bytes, latent, check);
     let (content, len) = match &whole {
         Ok((_, content)) => (*content, content.len()),
-        Err(_) => match cut_content(bytes, check) {
+        Err(_) => match cut_content(bytes, latent, check) {
             Some(cut) => cut,
             None => return Found::without_part(whole.map(|_| Residual::None)),
         },
@@ -416,10 +450,18 @@ impl Kind {
 }
 
 /// What there is of a part's content, if its end is missing, and how long it would be.
-fn cut_content(bytes: &[u8], check: Check) -> Option<(&[u8], usize)> {
+fn cut_content<'a>(bytes: &'a [u8], latent: &[u8], check: Check) -> Option<(&'a [u8], usize)> {
+    if !check.has_length() {
+        return (!ends(latent)).then_some((bytes, bytes.len()));
+    }
     let (len, field) = read_length(bytes).ok()?;
     let end = field + len;
     (bytes.len() < end + check.len()).then(|| (&bytes[field..bytes.len().min(end)], len))
+}
+
+/// Whether a packet in the predicted form ends where its bytes do.
+fn ends(latent: &[u8]) -> bool {
+    latent.get(1).is_some_and(|number| number & WHOLE != 0)
 }
 
 /// Whether the flags say that a residual part follows, perhaps of an unknown coder.
@@ -433,10 +475,18 @@ pub(super) fn part_len(bytes: &[u8], check: Check) -> Result<usize, PacketError>
     Ok(field + length + check.len())
 }
 
+/// Bytes of the part that `bytes` begin with that are not its content; 0: its length is not there.
+pub(super) fn framing_len(bytes: &[u8], check: Check) -> usize {
+    match check.has_length() {
+        true => read_length(bytes).map_or(0, |(_, field)| field + check.len()),
+        false => check.len(),
+    }
+}
+
 /// Bytes of a part up to the end of the truth map that it begins with; 0: there is none, or not all of it is there.
-pub(super) fn told_len(code: u8, bytes: &[u8]) -> usize {
+pub(super) fn told_len(code: u8, bytes: &[u8], check: Check) -> usize {
     let told = || {
-        let (_, field) = read_length(bytes).ok()?;
+        let field = if check.has_length() { read_length(bytes).ok()?.1 } else { 0 };
         let (map, _) = truth::split(bytes.get(field..)?)?;
         Some(field + map.len())
     };
@@ -449,7 +499,12 @@ pub(super) fn checked<'a>(
     latent: &[u8],
     check: Check,
 ) -> Result<(usize, &'a [u8]), PacketError> {
-    let (length, field) = read_length(bytes)?;
+    let (length, field) = match check.has_length() {
+        true => read_length(bytes)?,
+        false if ends(latent) => (bytes.len().saturating_sub(check.len()), 0),
+        // It is longer.
+        false => (bytes.len(), 0),
+    };
     let needed = field + length + check.len();
     let part = bytes.get(..needed).ok_or(PacketError::TooShort {
         part: Part::Residual,

@@ -1,3 +1,5 @@
+mod predicted;
+
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 
@@ -321,7 +323,20 @@ fn the_extent_is_known_from_the_start() {
             for len in 31..=bytes.len() {
                 let total = (len >= known).then_some(bytes.len());
                 let (frame, frames) = (0x02_0304, Latent::FRAMES);
-                let extent = Extent { frame, frames, latent, head, told: 0, total };
+                let (is_open, told_by_shares) = (false, 0);
+                // The length, and the check of the full form.
+                let framing = if has_part && len >= known { 2 + 4 } else { 0 };
+                let extent = Extent {
+                    frame,
+                    frames,
+                    latent,
+                    head,
+                    told: 0,
+                    total,
+                    framing,
+                    is_open,
+                    told_by_shares,
+                };
                 assert_eq!(Extent::read(&bytes[..len]), Ok(extent));
                 let ends = [bytes.len(), head, latent, 0];
                 let valid = ends.into_iter().find(|end| *end <= len).unwrap();

@@ -237,6 +237,9 @@ impl Collector {
         let Unprotected { layout, waiting } = self.unprotected.as_mut().ok_or(mtu)?;
         let stream = &mut self.streams[0];
         let extent = Extent::read(frame)?.near(stream.last);
+        if extent.told_by_shares > 0 {
+            return Err(ModemError::NotAFrame(frame[0]));
+        }
         let needed = layout.range(0, extent.total.unwrap_or(usize::MAX)).len();
         let cut = ModemError::Cut { found: frame.len(), needed };
         let first = frame.get(..needed).ok_or(cut)?;

@@ -3,9 +3,9 @@
 use crate::modem::error::ModemError;
 use crate::modem::limits::NUMBERS;
 use crate::modem::wire::code::Known;
-use crate::modem::wire::contents::{Layer, take_contents};
+use crate::modem::wire::contents::{End, Layer, take_contents};
 use crate::modem::wire::share::{Header, PacketHeader};
-use crate::packet::{Extent, valid_len};
+use crate::packet::{Extent, is_predicted, mark_whole, valid_len};
 
 use super::slot::{Form, Slot, Start, State, Taken};
 
@@ -70,12 +70,12 @@ impl Slot {
         if solved == 0 && state.arrived >= first.threshold {
             self.solve(first, 0, header.count, state);
             solved = 1;
-            state.start = Some(self.read_start(first, &header, last)?);
+            state.start = Some(self.read_start(first, &header, last, state)?);
         }
         let (Some(mut start), 1..) = (state.start, solved) else { return Some(()) };
         let layer = &self.bytes[..first.len()];
         let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
-        let (layers, others) = (contents.layers, contents.others);
+        let (layers, others, contents_end) = (contents.layers, contents.others, contents.end);
         let mut at = first.chunk;
         for (k, layer) in layers[..others].iter().enumerate() {
             if solved == k + 1 && state.arrived >= layer.threshold {
@@ -86,6 +86,9 @@ impl Slot {
         }
         state.form = Form::Layers { header, solved };
         start.ended = solved > others;
+        if start.ended && start.extent.is_open && !start.complete {
+            start.extent.total = self.end_of(&start, contents_end, state)?;
+        }
         self.judge(start, state)
     }
 
@@ -104,11 +107,29 @@ impl Slot {
         state.filled += layer.len();
     }
 
-    fn read_start(&self, first: Layer, header: &PacketHeader, last: Option<u32>) -> Option<Start> {
+    fn read_start(
+        &mut self,
+        first: Layer,
+        header: &PacketHeader,
+        last: Option<u32>,
+        state: &mut State,
+    ) -> Option<Start> {
         let layer = &self.bytes[..first.len()];
-        let (contents, packet) = take_contents(layer, first, header.count, header.data_len())?;
-        let extent = Extent::read(packet).ok()?.near(last);
+        let (_, packet) = take_contents(layer, first, header.count, header.data_len())?;
         let at = first.len() - packet.len();
+        if is_predicted(packet) {
+            // Its frame number did not travel.
+            self.bytes.copy_within(at + 1..state.filled, at + 2);
+            self.bytes[at + 1] = header.number as u8;
+            state.filled += 1;
+        }
+        let layer = &self.bytes[..first.len()];
+        let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
+        let packet = &self.bytes[at..state.filled];
+        let extent = Extent::read(packet).ok()?.near(last);
+        if contents.end != End::Layers && !extent.is_open {
+            return None;
+        }
         let user = contents.user.map(|user| (at - user.len(), at));
         let named = extent.frame % NUMBERS == header.number;
         (named && packet.len() >= extent.latent).then_some(Start {
@@ -120,11 +141,29 @@ impl Slot {
         })
     }
 
+    /// Length of an open packet whose layers are all there; `None` within: its end is not sent. `None`: it is none that
+    /// a sender writes.
+    fn end_of(&self, start: &Start, end: End, state: &State) -> Option<Option<usize>> {
+        let there = state.filled - start.at;
+        match end {
+            End::Layers => Some(Some(there)),
+            End::Cut => Some(None),
+            End::Padded => {
+                let padding = usize::from(self.bytes[state.filled - 1]);
+                let len = there.checked_sub(padding).filter(|len| *len > start.extent.latent);
+                (padding > 0).then_some(Some(len?))
+            }
+        }
+    }
+
     /// Looks at what there is of the packet. `None` if it is whole and its checks do not match.
-    fn judge(&self, mut start: Start, state: &mut State) -> Option<()> {
+    fn judge(&mut self, mut start: Start, state: &mut State) -> Option<()> {
         if start.extent.total.is_none() {
             let bytes = &self.bytes[start.at..state.filled];
             start.extent.total = Extent::read(bytes).ok()?.total;
+        }
+        if start.extent.told_by_shares > 0 && start.extent.total.is_some() {
+            mark_whole(&mut self.bytes[start.at..]);
         }
         let whole = start.extent.total.and_then(|total| {
             self.bytes[..state.filled].get(start.at..start.at.saturating_add(total))

@@ -96,7 +96,7 @@ impl SenderOptions {
     /// If an option is outside its range.
     pub fn memory(&self) -> Result<usize, ModemError> {
         self.way()?;
-        let shares = self.waiting() + 3 * self.max_shares() + 2;
+        let shares = self.waiting() + 4 * self.max_shares() + 2;
         let waiting = shares.saturating_mul(self.control.mtu.saturating_add(LIST));
         let history = if self.expect_reports { History::memory(&self.control) } else { 0 };
         let updates = |options| Updates::memory(options, self.control.mtu);
@@ -190,6 +190,8 @@ pub struct Sender {
     planned: Option<PlannedFrame>,
     /// Bytes of the last packet's truth map.
     told: usize,
+    /// Frame number of the last packet, to complete those of packets that state it in part.
+    last: Option<u32>,
     history: Option<History>,
     updates: Option<Updates>,
     statistics: SenderStatistics,
@@ -263,6 +265,7 @@ impl Sender {
             room,
             planned: None,
             told: 0,
+            last: None,
             history: options.expect_reports.then(|| History::new(&options.control)).transpose()?,
             updates: options
                 .updates
@@ -332,8 +335,10 @@ impl Sender {
             control.sent(now, division.link_bytes);
         }
         self.interleaver.push(now, &self.sharer);
+        let extent = Extent::read(packet)?.near(self.last);
+        let frame = extent.frame;
+        self.last = Some(frame);
         if let Some(history) = &mut self.history {
-            let frame = Extent::read(packet)?.frame;
             let spread = self.options.control.spread;
             let wanted = match self.way {
                 Way::Layers(_) => division.picture_shares,
@@ -342,7 +347,8 @@ impl Sender {
             history.add(frame, [exposed, now, spread], wanted, &self.sharer);
         }
         self.statistics.packets += 1;
-        self.statistics.cut += u64::from(division.packet_bytes < packet.len());
+        let sent = packet.len() - extent.told_by_shares;
+        self.statistics.cut += u64::from(division.packet_bytes < sent);
         self.statistics.shares += division.shares as u64;
         self.statistics.bytes += division.link_bytes as u64;
         Ok(division)
@@ -357,8 +363,8 @@ impl Sender {
         let unpaced = self.way.control().is_none();
         let plan = self.planned.or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
         let PlannedFrame { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
-        let Extent { head: picture, told, .. } = Extent::read(packet)?;
-        let len = packet.len();
+        let Extent { head, told, told_by_shares, .. } = Extent::read(packet)?;
+        let (picture, len) = (head - told_by_shares, packet.len() - told_by_shares);
         let waiting = self.interleaver.len();
         let check_room = |shares: usize| match waiting + shares {
             waiting if waiting > self.room => Err(ModemError::Waiting { waiting, room: self.room }),

@@ -1,12 +1,13 @@
 //! A packet to its shares.
 
+use std::cmp::Ordering;
 use std::slice::Chunks;
 
 use crate::modem::error::ModemError;
 use crate::modem::limits::{MAX_SHARES, MAX_UNPROTECTED, NUMBERS, STREAMS};
 use crate::modem::memory::room;
 use crate::modem::wire::code::Known;
-use crate::modem::wire::contents::{contents_len, put_contents};
+use crate::modem::wire::contents::{End, contents_len, put_contents};
 use crate::modem::wire::continuation::{binding, header, tag_of};
 use crate::modem::wire::layout::Layout;
 use crate::modem::wire::share::{Header, PacketHeader, write};
@@ -57,6 +58,8 @@ pub struct Sharer {
     /// Bytes of each; the last one may be shorter.
     share_len: usize,
     scratch: Vec<u8>,
+    /// The packet, without what shares tell by themselves.
+    sent: Vec<u8>,
 }
 
 impl Sharer {
@@ -72,6 +75,7 @@ impl Sharer {
             shares: room(all)?,
             share_len: 0,
             scratch: room(mtu)?,
+            sent: room(all)?,
         })
     }
 
@@ -102,7 +106,11 @@ impl Sharer {
         layout: Layout,
         count: usize,
     ) -> Result<(), ModemError> {
-        let tag = tag_of(check(packet)?.frame);
+        let extent = check(packet)?;
+        if extent.told_by_shares > 0 {
+            return Err(ModemError::UnprotectedPrediction);
+        }
+        let tag = tag_of(extent.frame);
         let range = |index| layout.range(index, packet.len());
         let binding = binding(&packet[range(0)]);
         self.share_len = layout.mtu;
@@ -141,16 +149,31 @@ impl Sharer {
         let data_len = layers.iter().map(|layer| layer.chunk).sum::<usize>();
         self.data.clear();
         self.data.resize(count * data_len, 0);
-        let (mut rest, mut at) = (packet, 0);
+        let (capacity, sent) = (sharing.capacity(), packet.len() - extent.told_by_shares);
+        let end = match capacity.cmp(&sent) {
+            _ if !extent.is_open => End::Layers,
+            Ordering::Equal => End::Layers,
+            Ordering::Less => End::Cut,
+            Ordering::Greater => End::Padded,
+        };
+        let padding = capacity.saturating_sub(sent);
+        let travelling = packet[..1].iter().chain(&packet[1 + extent.told_by_shares..]);
+        self.sent.clear();
+        self.sent.extend(travelling.take(capacity));
+        let (mut rest, mut at) = (&self.sent[..], 0);
         for (k, layer) in layers.iter().enumerate() {
             self.layer.clear();
             if k == 0 {
-                put_contents(&layers[1..], user, &mut self.layer);
+                put_contents(&layers[1..], user, end, &mut self.layer);
             }
             let taken = (layer.len() - self.layer.len()).min(rest.len());
             self.layer.extend(&rest[..taken]);
             rest = &rest[taken..];
             self.layer.resize(layer.len(), 0);
+            if k + 1 == layers.len() && end == End::Padded {
+                let last = self.layer.last_mut().ok_or(ModemError::Padding(padding))?;
+                *last = u8::try_from(padding).map_err(|_| ModemError::Padding(padding))?;
+            }
             let chunk = |index: usize| &self.layer[index * layer.chunk..][..layer.chunk];
             let known = Known::new(0..layer.threshold);
             for (index, share) in self.data.chunks_exact_mut(data_len).enumerate() {
@@ -208,7 +231,7 @@ fn check(packet: &[u8]) -> Result<Extent, ModemError> {
     let extent = Extent::read(packet)?;
     // A packet that is cut before it says its length has one more byte at least.
     let len = packet.len();
-    let stated = extent.total.unwrap_or(len + 1);
+    let stated = extent.total.unwrap_or(if extent.is_open { len } else { len + 1 });
     if stated != len {
         return Err(ModemError::PacketLength { found: len, stated });
     }

@@ -1,5 +1,6 @@
 //! Packets to modem frames and back.
 
+mod predicted;
 mod protected;
 mod unprotected;
 mod updates;

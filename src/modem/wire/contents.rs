@@ -27,6 +27,31 @@ impl Layer {
 pub const MAX_LAYERS: usize = 8;
 /// Bit of the first byte: user bytes follow.
 const USER: u8 = 1 << 3;
+/// Bits of the first byte that say where an open packet ends.
+const PADDED: u8 = 1 << 4;
+const CUT: u8 = 1 << 5;
+
+/// Where a packet ends. One that tells that by itself always has `End::Layers`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum End {
+    /// With the last layer.
+    #[default]
+    Layers,
+    /// Before it: the last byte of the last layer tells how many bytes of it are not the packet's.
+    Padded,
+    /// Behind it: the packet's end is not sent.
+    Cut,
+}
+
+impl End {
+    fn bits(self) -> u8 {
+        match self {
+            End::Layers => 0,
+            End::Padded => PADDED,
+            End::Cut => CUT,
+        }
+    }
+}
 
 /// What the first layer says of the others, and the user bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,6 +60,7 @@ pub struct Contents<'a> {
     pub layers: [Layer; MAX_LAYERS - 1],
     pub others: usize,
     pub user: Option<&'a [u8]>,
+    pub end: End,
 }
 
 /// Bytes that the layers and so many user bytes take in the first layer.
@@ -43,9 +69,9 @@ pub fn contents_len(others: &[Layer], user: Option<usize>) -> usize {
     1 + layers.sum::<usize>() + user.map_or(0, |user| 1 + user)
 }
 
-pub fn put_contents(others: &[Layer], user: Option<&[u8]>, bytes: &mut Vec<u8>) {
+pub fn put_contents(others: &[Layer], user: Option<&[u8]>, end: End, bytes: &mut Vec<u8>) {
     let flag = if user.is_some() { USER } else { 0 };
-    bytes.push(flag | others.len() as u8);
+    bytes.push(end.bits() | flag | others.len() as u8);
     for layer in others {
         put_number(layer.threshold, bytes);
         put_number(layer.chunk, bytes);
@@ -66,10 +92,13 @@ pub fn take_contents(
 ) -> Option<(Contents<'_>, &[u8])> {
     let (&flags, rest) = bytes.split_first()?;
     bytes = rest;
-    let mut contents = Contents { others: usize::from(flags & 7), ..Contents::default() };
-    if flags & !(USER | 7) != 0 {
-        return None;
-    }
+    let end = match flags & !(USER | 7) {
+        0 => End::Layers,
+        PADDED => End::Padded,
+        CUT => End::Cut,
+        _ => return None,
+    };
+    let mut contents = Contents { others: usize::from(flags & 7), end, ..Contents::default() };
     let (mut threshold, mut taken) = (first.threshold, first.chunk);
     for layer in &mut contents.layers[..contents.others] {
         *layer = Layer { threshold: take_number(&mut bytes)?, chunk: take_number(&mut bytes)? };

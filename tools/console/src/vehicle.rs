@@ -136,7 +136,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         if args.learn { engine.upload_for_updates(&prior)? } else { engine.upload(&prior)? };
     let (threshold, frames_treated) = (args.threshold, false);
     let tune = args.tune.tune();
-    let options = VehicleOptions { sender, mode, tune, threshold, frames_treated, truth: true };
+    let options = VehicleOptions {
+        sender,
+        mode,
+        tune,
+        threshold,
+        frames_treated,
+        truth: true,
+        predict_poses: true,
+    };
     let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options)?;
     println!("vehicle: {} bit/s to {}", args.link.bit_rate, args.to);
     let mut dive = Dive {

@@ -130,6 +130,12 @@ struct LinkArgs {
     /// later. It then measures the loss, and sends again what a picture still lacks
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
     return_delay: Option<f64>,
+    /// Seconds between two reports of the topside
+    #[arg(long, value_name = "S", default_value_t = 1.0, requires = "return_delay", value_parser = values::rate)]
+    report_every: f64,
+    /// State all poses in full, even if the topside holds others that they could be predicted from
+    #[arg(long)]
+    state_poses: bool,
     /// What the topside sends takes the channel from the vehicle
     #[arg(long, requires = "return_delay")]
     half_duplex: bool,
@@ -178,6 +184,10 @@ struct Setting {
     assumed: Loss,
     spread: f64,
     return_delay: Option<f64>,
+    /// Seconds between two reports.
+    report_every: f64,
+    /// Poses are predicted from those that the topside holds.
+    predict_poses: bool,
     half_duplex: bool,
     /// What updates may take; `None`: the vehicle does not learn.
     updates: Option<UpdateOptions>,
@@ -220,6 +230,8 @@ impl LinkArgs {
             assumed,
             spread: self.spread.unwrap_or(spread),
             return_delay: self.return_delay,
+            report_every: self.report_every,
+            predict_poses: !self.state_poses,
             half_duplex: self.half_duplex,
             updates: args.learn.then_some(updates),
             latency: self.latency,
@@ -261,8 +273,15 @@ impl Setting {
 
     /// The vehicle's side; [`Footage`] has its frames treated.
     fn vehicle(&self, threshold: f64) -> VehicleOptions {
-        let (sender, mode, tune) = (self.sender(), self.mode, self.tune);
-        VehicleOptions { sender, mode, tune, threshold, frames_treated: true, truth: true }
+        VehicleOptions {
+            sender: self.sender(),
+            mode: self.mode,
+            tune: self.tune,
+            threshold,
+            frames_treated: true,
+            truth: true,
+            predict_poses: self.predict_poses,
+        }
     }
 
     /// The channel, for a run of so many seconds.
@@ -408,6 +427,8 @@ mod tests {
             assumed: Loss::NONE,
             spread: 0.0,
             return_delay: None,
+            report_every: 1.0,
+            predict_poses: true,
             half_duplex: false,
             updates: None,
             latency: 1.5,

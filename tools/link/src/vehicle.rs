@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use nvsprior::learning::LearnOptions;
-use nvsprior::modem::{Division, ModemError, PacketState, Report, Sender, SenderOptions};
+use nvsprior::modem::{
+    Division, ModemError, PacketState, Protection, Report, Sender, SenderOptions,
+};
 use nvsprior::packet::Extent;
 use nvsprior::render::Scene;
 use nvsprior::residual::Tune;
@@ -22,6 +24,8 @@ pub struct VehicleOptions {
     pub frames_treated: bool,
     /// See [`EncoderOptions::truth`].
     pub truth: bool,
+    /// See [`EncoderOptions::predict_poses`]: if the sender protects packets and expects reports.
+    pub predict_poses: bool,
 }
 
 pub struct SentPacket {
@@ -50,26 +54,35 @@ pub struct SentUpdate {
     pub adopted: Option<f64>,
 }
 
+/// What the bytes of packets are, without the frame numbers that shares tell by themselves.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub struct PacketBytes {
     /// Latent part, and the camera where it is sent.
     pub latent: usize,
     pub residual: usize,
+    /// Length and check of the residual, which it has among its bytes.
+    pub framing: usize,
+    /// The truth map, which the residual has among its bytes.
+    pub truth: usize,
     /// What the shares say of themselves.
     pub headers: usize,
     pub parity: usize,
 }
 
 impl PacketBytes {
-    /// Of a packet whose first `picture` bytes make a picture.
-    fn of(division: &Division, picture: usize) -> PacketBytes {
+    fn of(division: &Division, packet: &[u8], truth: usize) -> Result<PacketBytes, ModemError> {
         let Division { shares, share_bytes, header_bytes, packet_bytes, .. } = *division;
-        PacketBytes {
-            latent: picture,
-            residual: packet_bytes - picture,
+        let Extent { head, told_by_shares, framing, .. } = Extent::read(packet)?;
+        let latent = head - told_by_shares;
+        let residual = packet_bytes - latent;
+        Ok(PacketBytes {
+            latent,
+            residual,
+            framing: framing.min(residual),
+            truth,
             headers: header_bytes,
             parity: shares * share_bytes - header_bytes - packet_bytes,
-        }
+        })
     }
 
     pub fn total(&self) -> usize {
@@ -108,9 +121,17 @@ impl Vehicle {
         camera: &Camera,
         options: &VehicleOptions,
     ) -> anyhow::Result<Vehicle> {
-        let VehicleOptions { sender, mode, tune, threshold, frames_treated, truth } = *options;
-        let options =
-            EncoderOptions { threshold, frames_treated, mode, tune, truth, ..Default::default() };
+        let VehicleOptions { sender, mode, tune, threshold, frames_treated, truth, .. } = *options;
+        let is_protected = sender.protection == Protection::Layers;
+        let options = EncoderOptions {
+            threshold,
+            frames_treated,
+            mode,
+            tune,
+            truth,
+            predict_poses: options.predict_poses && is_protected && sender.expect_reports,
+            ..Default::default()
+        };
         let mut encoder = Encoder::new(engine, scene, camera, options)?;
         let learns = sender.updates.is_some();
         let sender = Sender::new(sender)?;
@@ -150,7 +171,7 @@ impl Vehicle {
             frame: number,
             number: stats.frame,
             exposed,
-            bytes: PacketBytes::of(&division, Extent::read(packet)?.head),
+            bytes: PacketBytes::of(&division, packet, stats.truth_bytes)?,
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             certain: stats.certain,
@@ -232,6 +253,9 @@ impl Vehicle {
     pub fn process_report(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {
         for (frame, _) in report.packets().filter(|(_, packet)| packet.state == PacketState::Kept) {
             self.encoder.acknowledge(frame);
+        }
+        for (frame, held) in report.poses() {
+            self.encoder.acknowledge_pose(frame, held);
         }
         self.resent += self.sender.process_report(now, report)?.bytes;
         Ok(())

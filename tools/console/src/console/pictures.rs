@@ -150,6 +150,10 @@ impl Pictures {
             self.began.pop_first();
         }
         self.grown.insert(frame);
+        if let Some(packet) = self.collector.packet(0, frame) {
+            // If it cannot be read, it is not held, and the vehicle is told.
+            let _ = self.decoder.hold(packet.bytes);
+        }
         if is_whole && self.is_stream {
             self.waiting.insert(frame);
         }
@@ -261,6 +265,7 @@ impl Pictures {
         let kept = |frame| self.kept.contains(&frame);
         let mut report = self.collector.report(0, kept).ok()??;
         report.tell_states(self.decoder.states());
+        report.tell_poses(|frame| self.decoder.holds_pose(frame));
         let mut bytes = vec![0; self.mtu];
         let user = message.write();
         let written = match report.write(Some(&user), &mut bytes) {

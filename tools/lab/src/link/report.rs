@@ -107,11 +107,13 @@ impl LinkRun {
 
     fn bytes(&self) -> PacketBytes {
         let mut sum = PacketBytes::default();
-        for PacketBytes { latent, residual, headers, parity } in
+        for PacketBytes { latent, residual, framing, truth, headers, parity } in
             self.packets.iter().map(|packet| packet.bytes)
         {
             sum.latent += latent;
             sum.residual += residual;
+            sum.framing += framing;
+            sum.truth += truth;
             sum.headers += headers;
             sum.parity += parity;
         }
@@ -354,6 +356,9 @@ pub fn write(folder: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
             ("update", &|row| sent(row, |sent| sent.update.to_string())),
             ("region_psnr", &|(_, moment)| region(moment, 0)),
             ("outside_psnr", &|(_, moment)| region(moment, 1)),
+            ("latent_bytes", &|row| sent(row, |sent| sent.bytes.latent.to_string())),
+            ("framing_bytes", &|row| sent(row, |sent| sent.bytes.framing.to_string())),
+            ("truth_bytes", &|row| sent(row, |sent| sent.bytes.truth.to_string())),
         ],
     );
     table.write_csv(&folder.join("frames.csv"))

@@ -15,9 +15,6 @@ use super::report::{LinkRun, Moment};
 use super::topside::Topside;
 use super::{Footage, Setting};
 
-/// Seconds between two reports of the topside.
-const REPORT_EVERY: f64 = 1.0;
-
 /// What happens at a time.
 enum Event {
     Exposed(usize),
@@ -117,10 +114,11 @@ impl<'a> Simulation<'a> {
             self.plan.add(exposed + self.setting.latency, Event::Displayed(frame));
         }
         if self.setting.return_delay.is_some() {
-            let mut time = REPORT_EVERY;
+            let every = self.setting.report_every;
+            let mut time = every;
             while time < seconds {
                 self.plan.add(time, Event::Report);
-                time += REPORT_EVERY;
+                time += every;
             }
         }
         while let Some(At { time, event, .. }) = self.plan.heap.pop() {

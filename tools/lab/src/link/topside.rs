@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use nvsprior::modem::{Collected, Collector, CollectorOptions};
+use nvsprior::packet::PacketError;
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Decoded, Decoder, Engine, Error, Mode, Picture, Pose, Trust};
 
@@ -108,10 +109,12 @@ impl Topside {
     pub fn take(&mut self, now: f64, frame: &[u8]) -> anyhow::Result<()> {
         match self.collector.push(now, frame)? {
             Collected::Grown(_, number) => {
+                self.hold(number);
                 self.pictures.entry(number).or_insert((now, None));
                 self.newest = self.newest.max(Some(number));
             }
             Collected::Complete(_, number) => {
+                self.hold(number);
                 self.pictures.entry(number).or_insert((now, None)).1 = Some(now);
                 self.newest = self.newest.max(Some(number));
                 if self.inter {
@@ -126,6 +129,14 @@ impl Topside {
             Collected::Update(stream) => self.add_updates(stream)?,
         }
         Ok(())
+    }
+
+    /// Holds the pose of a packet as soon as it comes: later ones are predicted from it.
+    fn hold(&mut self, number: u32) {
+        if let Some(packet) = self.collector.packet(0, number) {
+            // If it cannot be read, it is not held, and the vehicle is told.
+            let _ = self.decoder.hold(packet.bytes);
+        }
     }
 
     /// Adds the updates that are whole and due. Frames that waited for them may be decoded now.
@@ -157,6 +168,7 @@ impl Topside {
             match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded) {
                 // No frame came before it: there is no camera to draw with.
                 Err(Error::UpdateMissing { .. }) => return Ok(self.held()),
+                Err(Error::Packet(PacketError::PoseNotHeld { .. })) => return Ok(self.held()),
                 decoded => decoded?,
             }
             self.shown = Some(frame);
@@ -182,7 +194,10 @@ impl Topside {
     fn pose_between(&self, frame: u32) -> anyhow::Result<Option<Pose>> {
         let pose = |number: u32| -> anyhow::Result<Option<(u32, Pose)>> {
             let Some(packet) = self.collector.packet(0, number) else { return Ok(None) };
-            let (pose, certain) = self.decoder.pose_of(packet.bytes)?;
+            let (pose, certain) = match self.decoder.pose_of(packet.bytes) {
+                Err(Error::Packet(PacketError::PoseNotHeld { .. })) => return Ok(None),
+                told => told?,
+            };
             Ok(certain.then_some((number, pose)))
         };
         let first =
@@ -222,7 +237,10 @@ impl Topside {
             for frame in std::mem::take(&mut self.waiting) {
                 let Some(packet) = self.collector.packet(0, frame) else { continue };
                 match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.ahead) {
-                    Err(Error::UpdateMissing { .. }) => self.ahead.kept = false,
+                    Err(
+                        Error::UpdateMissing { .. }
+                        | Error::Packet(PacketError::PoseNotHeld { .. }),
+                    ) => self.ahead.kept = false,
                     decoded => decoded?,
                 }
                 if self.ahead.kept {
@@ -244,6 +262,7 @@ impl Topside {
         if self.collector.options().update_bytes > 0 {
             report.tell_states(self.decoder.states());
         }
+        report.tell_poses(|frame| self.decoder.holds_pose(frame));
         let mut bytes = vec![0; self.mtu];
         let len = report.write(None, &mut bytes)?;
         bytes.truncate(len);

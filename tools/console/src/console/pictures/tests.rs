@@ -44,6 +44,7 @@ pub fn options(updates: Option<UpdateOptions>) -> VehicleOptions {
         threshold: 1e-2,
         frames_treated: false,
         truth: true,
+        predict_poses: true,
     }
 }
 
