@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
+use nvsprior::filter_weights::FilterWeights;
 use nvsprior::prior::PartSource;
 use nvsprior::prior::update::{CHAIN_MAGIC, MAGIC};
 
@@ -86,6 +87,7 @@ fn describe(args: &Args, prior: &Prior) {
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
     row("key frames", key_frames(prior));
     row("coder tables", coder_tables(prior));
+    row("display filter", display_filter(prior));
     row("preprocessing", prior.preprocessing().to_string());
     for comment in &report.comments {
         row("comment", comment.clone());
@@ -118,6 +120,16 @@ fn coder_tables(prior: &Prior) -> String {
     match prior.report().coder_tables {
         PartSource::None => "the library's own, for any scene".into(),
         source => format!("the scene's own, {source}: {} bytes", Tables::encoded_len()),
+    }
+}
+
+/// Which weights the display filter uses.
+fn display_filter(prior: &Prior) -> String {
+    match prior.filter_weights() {
+        None => "the library's own, for any scene".into(),
+        Some(_) => {
+            format!("the scene's own, in the file beside it: {} bytes", FilterWeights::encoded_len())
+        }
     }
 }
 

@@ -11,6 +11,7 @@ mod demo_prior;
 mod device_report;
 mod dive;
 mod encode;
+mod filter;
 mod inputs;
 mod key_frames;
 mod learn;

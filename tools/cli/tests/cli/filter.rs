@@ -1,0 +1,58 @@
+//! `nvsprior filter`, and `decode --filter`.
+
+use nvsprior::Prior;
+use nvsprior::filter_weights::FilterWeights;
+use nvsprior::prior::filter_file;
+
+use crate::dive::{Dive, FRAMES};
+use crate::study::row;
+
+const FILTER: &str = "filter --cameras cameras.json --steps 100 --prior";
+
+fn open(dive: &Dive, name: &str) -> Prior {
+    Prior::open(&dive.path(name), &Default::default()).unwrap()
+}
+
+#[test]
+fn trained_beside_the_prior_and_needed_on_one_side() {
+    let dive = Dive::new();
+    dive.encode("--bytes 300 --frames-out seen");
+    let id = open(&dive, "prior.ply").id();
+    let text = dive.run("inspect prior.ply").ends_with(0).stdout;
+    assert_eq!(row(&text, "display filter"), "the library's own, for any scene");
+    let text = dive.run(&format!("{FILTER} prior.ply")).ends_with(0).stdout;
+    assert_eq!(row(&text, "frames"), "4, 4 certain: 3 learned from, 1 held out");
+    let size = FilterWeights::encoded_len();
+    assert_eq!(row(&text, "written"), format!("prior.ply.filter, {size} bytes"));
+    let prior = open(&dive, "prior.ply");
+    assert_eq!(prior.id(), id, "it is no part of the prior's identity");
+    assert_ne!(prior.filter_weights().map(|w| &**w), Some(&FilterWeights::generic()));
+    let text = dive.run("inspect prior.ply").ends_with(0).stdout;
+    let expected = format!("the scene's own, in the file beside it: {size} bytes");
+    assert_eq!(row(&text, "display filter"), expected);
+    // The same frames give the same bytes.
+    dive.run(&format!("{FILTER} prior.ply --out again.filter")).ends_with(0);
+    assert_eq!(dive.bytes("again.filter"), dive.bytes("prior.ply.filter"));
+    // Packets from before it was there are filtered, or not, as the topside likes.
+    let decode = "decode --prior prior.ply --packets packets --frames";
+    dive.run(&format!("{decode} plain")).ends_with(0);
+    let text = dive.run(&format!("{decode} filtered --filter")).ends_with(0).stdout;
+    assert!(text.contains(&format!("{FRAMES} pictures filtered, with the scene's weights")), "{text}");
+    let differ = (0..FRAMES).filter(|t| {
+        let [seen, plain, filtered] =
+            ["seen", "plain", "filtered"].map(|d| dive.picture(&format!("{d}/{t}.png")));
+        assert_eq!(seen, plain, "frame {t}");
+        filtered != plain
+    });
+    assert!(differ.count() > 0);
+}
+
+#[test]
+fn a_damaged_file_is_named_and_replaced() {
+    let dive = Dive::new();
+    std::fs::write(dive.path("prior.ply.filter"), "broken").unwrap();
+    dive.run("inspect prior.ply").ends_with(1).says("prior.ply.filter: filter weights, byte 0");
+    dive.run(&format!("{FILTER} prior.ply")).ends_with(0);
+    assert!(filter_file::open(&dive.path("prior.ply.filter")).is_ok());
+    dive.run(&format!("{FILTER} prior.ply --steps 99")).ends_with(2).says("100");
+}
