@@ -262,7 +262,8 @@ impl Stated {
         }
         let follows = Follows { camera: false, render: false, residual: first & 0xF };
         if !residual::may_be_predicted(follows.residual) {
-            return Err(PacketError::Coder(follows.residual));
+            // Nothing vouches for the byte: it may be of anything.
+            return Err(PacketError::Magic(first));
         }
         let mut reader = BitReader { bytes: &bytes[HEAD..], at: 0 };
         let distance = reader.take(DISTANCE_BITS)? + 1;

@@ -75,10 +75,12 @@ pub fn filter_layer(
     let mut c = Sums::zero();
     let mut d = Sums::zero();
     let mut first = layer.weights + id.z * 9 * layer.words * FILTER_WEIGHTS;
-    let mut tap = 0;
+    let mut tap = 0u32;
     while tap < 9 {
-        let row = clamped(y as i32 + (tap / 3 - 1) * layer.dilation as i32, height) * width;
-        let column = x as i32 + (tap % 3 - 1) * layer.dilation as i32;
+        let down = ((tap / 3) as i32 - 1) * layer.dilation as i32;
+        let across = ((tap % 3) as i32 - 1) * layer.dilation as i32;
+        let row = clamped(y as i32 + down, height) * width;
+        let column = x as i32 + across;
         let mut from = [
             row + clamped(column, width),
             row + clamped(column + 1, width),

@@ -128,7 +128,10 @@ fn display_filter(prior: &Prior) -> String {
     match prior.filter_weights() {
         None => "the library's own, for any scene".into(),
         Some(_) => {
-            format!("the scene's own, in the file beside it: {} bytes", FilterWeights::encoded_len())
+            format!(
+                "the scene's own, in the file beside it: {} bytes",
+                FilterWeights::encoded_len()
+            )
         }
     }
 }

@@ -60,9 +60,11 @@ pub struct PacketBytes {
     /// Latent part, and the camera where it is sent.
     pub latent: usize,
     pub residual: usize,
-    /// Length and check of the residual, which it has among its bytes.
+    /// Length and check of the residual, which it has among its bytes: not one of the parts of a sum.
+    #[serde(skip)]
     pub framing: usize,
-    /// The truth map, which the residual has among its bytes.
+    /// The truth map, which the residual has among its bytes, too.
+    #[serde(skip)]
     pub truth: usize,
     /// What the shares say of themselves.
     pub headers: usize,

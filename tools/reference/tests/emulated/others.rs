@@ -7,6 +7,7 @@ use nvsprior::render::probe::SortPrecision;
 use nvsprior::tracking::{GaussNewtonOptions, Pyramid};
 use nvsprior::{Camera, Picture, residual};
 use nvsprior_emulator::{Dispatch, Module};
+use nvsprior_kernels::filter::FilterLayer;
 use nvsprior_kernels::modules;
 use nvsprior_kernels::portable::sample;
 use nvsprior_kernels::search::{
@@ -191,5 +192,69 @@ fn assert_near(got: &Placement, expected: &Placement) {
     let got = got.rotation.iter().chain(&got.translation);
     for (got, expected) in got.zip(expected.rotation.iter().chain(&expected.translation)) {
         assert!((got - expected).abs() < 2e-3, "{got}, host {expected}");
+    }
+}
+
+#[test]
+fn filter_layer() {
+    const WORDS: usize = 4;
+    const SIZE: [usize; 2] = [35, 11];
+    const DILATION: isize = 2;
+    const OUTPUTS: usize = 16;
+    let mut random = Random::new(170);
+    let count = SIZE[0] * SIZE[1];
+    let mut whole = |most: f32| random.within(-most, most).round() as i32;
+    let inputs: Vec<u8> = (0..4 * WORDS * count).map(|_| (whole(127.4) + 128) as u8).collect();
+    let weights: Vec<i32> = (0..OUTPUTS * 9 * 4 * WORDS).map(|_| whole(127.0)).collect();
+    let biases: Vec<i32> = (0..OUTPUTS).map(|_| whole(100_000.0)).collect();
+    let scale = 1.0 / 2048.0;
+    // The device's weights: by group of eight outputs, tap and input; here they are taken to lie so.
+    let weight = |output: usize, tap: usize, input: usize| {
+        weights[((output / 8 * 9 + tap) * 4 * WORDS + input) * 8 + output % 8]
+    };
+    let expected = |output: usize, at: usize| {
+        let [x, y] = [(at % SIZE[0]) as isize, (at / SIZE[0]) as isize];
+        let mut sum = biases[output];
+        for tap in 0..9 {
+            let [across, down] =
+                [tap as isize % 3 - 1, tap as isize / 3 - 1].map(|by| by * DILATION);
+            let column = (x + across).clamp(0, SIZE[0] as isize - 1) as usize;
+            let row = (y + down).clamp(0, SIZE[1] as isize - 1) as usize;
+            for input in 0..4 * WORDS {
+                let byte = inputs[4 * (input / 4 * count + row * SIZE[0] + column) + input % 4];
+                sum += weight(output, tap, input) * i32::from(byte);
+            }
+        }
+        (sum >> 11).clamp(0, 255) as u8
+    };
+    let bits =
+        |values: &mut dyn Iterator<Item = f32>| -> Vec<u32> { values.map(f32::to_bits).collect() };
+    let ends = (0..2).flat_map(|group| {
+        let own = biases[8 * group..8 * group + 8].iter().map(|bias| *bias as f32);
+        own.chain([scale; 8]).collect::<Vec<_>>()
+    });
+    let mut buffers = [
+        bytemuck::pod_collect_to_vec(&inputs),
+        bits(&mut weights.iter().map(|weight| *weight as f32)),
+        bits(&mut ends.into_iter()),
+        vec![u32::MAX; OUTPUTS / 4 * count],
+    ];
+    let layer = FilterLayer {
+        width: SIZE[0] as u32,
+        height: SIZE[1] as u32,
+        words: WORDS as u32,
+        dilation: DILATION as u32,
+        weights: 0,
+        ends: 0,
+    };
+    let groups = [SIZE[0].div_ceil(32) as u32, SIZE[1].div_ceil(8) as u32, 2];
+    let dispatch = Dispatch { groups, push: &layer.words(), constants: &[], subgroup: 32, seed: 1 };
+    Module::new(modules::filter_layer.spirv).unwrap().run(&dispatch, &mut buffers).unwrap();
+    let found: Vec<u8> = bytemuck::pod_collect_to_vec(&buffers[3]);
+    for at in 0..count {
+        for output in 0..OUTPUTS {
+            let byte = found[4 * (output / 4 * count + at) + output % 4];
+            assert_eq!(byte, expected(output, at), "output {output} of block {at}");
+        }
     }
 }
