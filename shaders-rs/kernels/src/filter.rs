@@ -1,8 +1,8 @@
 //! The display filter's layout: planes of words, each of four bytes, one byte per value of a channel.
 
-/// Outputs that an invocation of stage `filter_layer` makes, for each of its pixels.
+/// Outputs that an invocation of stage `filter_layer` makes, for each of its blocks of 2×2 pixels.
 pub const FILTER_OUTPUTS: u32 = 8;
-/// Pixels of a row that an invocation makes.
+/// Blocks of a row that an invocation makes.
 pub const FILTER_RUN: u32 = 4;
 /// Columns and rows of the invocations of a workgroup.
 pub const FILTER_GROUP: u32 = 8;
@@ -15,13 +15,13 @@ pub const FILTER_ENDS: u32 = 4;
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct FilterLayer {
-    /// Columns.
+    /// Columns of blocks.
     pub width: u32,
-    /// Rows.
+    /// Rows of blocks.
     pub height: u32,
-    /// Words of inputs per pixel.
+    /// Words of inputs per block.
     pub words: u32,
-    /// Distance of the taps, pixels.
+    /// Distance of the taps, blocks.
     pub dilation: u32,
     /// Its first weights, a `Vec4`.
     pub weights: u32,

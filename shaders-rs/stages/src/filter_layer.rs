@@ -8,7 +8,7 @@ use crate::memory::{at, at_mut};
 use spirv_std::glam::{UVec3, Vec4};
 use spirv_std::spirv;
 
-/// Sums of eight outputs of one pixel.
+/// Sums of eight outputs of one block.
 #[derive(Clone, Copy)]
 struct Sums {
     low: Vec4,
@@ -31,7 +31,7 @@ fn byte(word: u32, i: u32) -> f32 {
     ((word >> (8 * i)) & 0xff) as f32
 }
 
-/// A coordinate within the picture.
+/// A column or row of blocks within the picture.
 fn clamped(at: i32, size: u32) -> u32 {
     let low = if at > 0 { at } else { 0 };
     let most = size as i32 - 1;
@@ -54,7 +54,7 @@ fn ended_word(sums: Vec4, bias: Vec4, scale: Vec4) -> u32 {
         | ended(sums.w, bias.w, scale.w) << 24
 }
 
-/// One invocation per four pixels of a row and eight outputs.
+/// One invocation per four blocks of a row and eight outputs.
 #[spirv(compute(threads(8, 8)))]
 pub fn filter_layer(
     #[spirv(global_invocation_id)] id: UVec3,
