@@ -64,7 +64,9 @@ pub struct Decoder {
     engine: Engine,
     scene: Arc<Scene>,
     cameras: Vec<Camera>,
-    camera_decoder: Option<CameraDecoder>,
+    /// In a box: else the compiler compares the camera of none before it looks whether there is one, and memory checkers
+    /// take offence.
+    camera_decoder: Option<Box<CameraDecoder>>,
     /// What the prior may have learnt.
     states: States,
     /// The poses that those of later frames may be predicted from.
@@ -207,7 +209,8 @@ impl Decoder {
         }
         let camera = self.camera_told(packet)?;
         let ready = |view: &CameraDecoder| view.camera == camera && !view.depths.is_empty();
-        (!self.camera_decoder.as_ref().is_some_and(ready)).then_some((camera.width, camera.height))
+        (!self.camera_decoder.as_deref().is_some_and(ready))
+            .then_some((camera.width, camera.height))
     }
 
     /// The camera that a packet tells, or that it names.
@@ -497,14 +500,14 @@ impl Decoder {
                 let filter = self.filter.as_ref().map(|plan| plan.filter(&self.engine, camera));
                 let plan = Plan { depths: true, ..Plan::picture() };
                 let (width, height) = (camera.width, camera.height);
-                Ok(none.insert(CameraDecoder {
+                Ok(none.insert(Box::new(CameraDecoder {
                     camera: *camera,
                     renderer: self.engine.renderer(&self.scene, camera, plan)?,
                     depths: Vec::new(),
                     residual: ResidualDecoder::new(width, height, self.scene.coder_tables()),
                     truth: TruthDecoder::new(width, height),
                     filter: filter.transpose()?,
-                }))
+                })))
             }
         }
     }
