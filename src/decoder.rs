@@ -64,8 +64,8 @@ pub struct Decoder {
     engine: Engine,
     scene: Arc<Scene>,
     cameras: Vec<Camera>,
-    /// In a box: else the compiler compares the camera of none before it looks whether there is one, and memory checkers
-    /// take offence.
+    /// In a box: else the compiler compares cameras before it looks whether there is one, and memory checkers report
+    /// that.
     camera_decoder: Option<Box<CameraDecoder>>,
     /// What the prior may have learnt.
     states: States,
