@@ -27,6 +27,7 @@ fn the_device_gives_the_definitions_bytes() {
             let mut found = picture.clone();
             filter.apply(step, &render.data, &mut found).unwrap();
             assert!(width < 17 || expected != picture, "{width}×{height}: nothing to see");
+            assert_eq!(found, expected, "{width}×{height}, step {step}");
         }
     }
 }
