@@ -4,17 +4,15 @@ mod states;
 
 use std::sync::Arc;
 
-use crate::filter_weights::FilterWeights;
 use crate::packet::{
     HeldPoses, Latent, PacketError, Parsed, Reference, RenderCheck, Residual, Salvage, Session,
     session_check,
 };
 use crate::prior::{Learnt, StateId, Update};
-use crate::render::filter::DisplayFilter;
-use crate::render::{FilterKernels, Plan, Renderer, Scene};
+use crate::render::filter::{DisplayFilter, FilterPlan};
+use crate::render::{Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
 use crate::truth::{self, TruthDecoder, TruthMap};
-use crate::vulkan;
 use crate::{Camera, Engine, Error, Picture, Pose};
 
 use states::States;
@@ -77,12 +75,6 @@ pub struct Decoder {
     pixel_limit: u32,
     /// `None`: pictures are not filtered.
     filter: Option<FilterPlan>,
-}
-
-/// What display filters are made of.
-struct FilterPlan {
-    kernels: FilterKernels,
-    weights: Arc<FilterWeights>,
 }
 
 /// What one camera's packets take.
@@ -165,11 +157,9 @@ impl Decoder {
         if !on {
             return Ok(());
         }
-        let weights = self.scene.filter_weights().cloned();
-        let weights = weights.unwrap_or_else(|| Arc::new(FilterWeights::generic()));
-        let plan = FilterPlan { kernels: FilterKernels::new(self.engine.vulkan())?, weights };
+        let plan = FilterPlan::new(self.engine.vulkan(), &self.scene)?;
         if let Some(view) = &mut self.camera_decoder {
-            view.filter = Some(plan.filter(&self.engine, &view.camera)?);
+            view.filter = Some(plan.filter(view.camera.width, view.camera.height)?);
         }
         self.filter = Some(plan);
         Ok(())
@@ -497,7 +487,8 @@ impl Decoder {
         match &mut self.camera_decoder {
             Some(view) => Ok(view),
             none => {
-                let filter = self.filter.as_ref().map(|plan| plan.filter(&self.engine, camera));
+                let filter =
+                    self.filter.as_ref().map(|plan| plan.filter(camera.width, camera.height));
                 let plan = Plan { depths: true, ..Plan::picture() };
                 let (width, height) = (camera.width, camera.height);
                 Ok(none.insert(Box::new(CameraDecoder {
@@ -510,13 +501,6 @@ impl Decoder {
                 })))
             }
         }
-    }
-}
-
-impl FilterPlan {
-    fn filter(&self, engine: &Engine, camera: &Camera) -> Result<DisplayFilter, vulkan::Error> {
-        let Camera { width, height, .. } = *camera;
-        DisplayFilter::new(engine.vulkan(), &self.kernels, &self.weights, width, height, false)
     }
 }
 

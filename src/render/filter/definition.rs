@@ -1,9 +1,7 @@
 //! The display filter in plain whole numbers: what the device must give, byte for byte.
 
 use crate::Picture;
-use crate::filter_weights::{
-    CHANNELS, Convolution, DILATIONS, FRACTION, FilterWeights, INPUTS, LAYERS, TAPS,
-};
+use crate::filter_weights::{Convolution, DILATIONS, FRACTION, FilterWeights, INPUTS, TAPS};
 
 /// A layer's values: blocks row by row, of each all channels.
 struct Layer {
@@ -91,7 +89,6 @@ pub fn filtered(weights: &FilterWeights, step: u8, render: &Picture, picture: &P
     for (number, convolution) in weights.layers().iter().enumerate() {
         layer = convolved(convolution, number, &layer, step);
     }
-    const { assert!(CHANNELS >= 12 && LAYERS > 1) };
     let size = [picture.width as usize, picture.height as usize];
     let mut out = picture.clone();
     for at in 0..layer.columns * layer.rows {

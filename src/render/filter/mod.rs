@@ -5,13 +5,16 @@
 
 pub mod definition;
 
+use std::sync::Arc;
+
 use crate::Picture;
 use crate::filter::{
     FILTER_ENDS, FILTER_GROUP, FILTER_OUTPUTS, FILTER_RUN, FILTER_WEIGHTS, FilterLayer,
 };
 use crate::filter_weights::{Convolution, DILATIONS, FilterWeights, INPUTS, LAYERS, TAPS};
-use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
+use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, Timing};
 
+use super::Scene;
 use super::kernels::FilterKernels;
 use definition::{corrected, input};
 
@@ -19,6 +22,33 @@ use definition::{corrected, input};
 const VECTOR: usize = 4;
 /// Outputs that an invocation makes.
 const GROUP_OUTPUTS: usize = FILTER_OUTPUTS as usize;
+
+/// What display filters for the pictures of a prior are made of.
+pub struct FilterPlan {
+    device: Device,
+    kernels: FilterKernels,
+    weights: Arc<FilterWeights>,
+}
+
+impl FilterPlan {
+    /// With the weights of the prior's scene, or else the library's. Builds a pipeline.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn new(device: &Device, scene: &Scene) -> Result<FilterPlan, Error> {
+        let weights = scene.filter_weights().cloned();
+        let weights = weights.unwrap_or_else(|| Arc::new(FilterWeights::generic()));
+        Ok(FilterPlan { device: device.clone(), kernels: FilterKernels::new(device)?, weights })
+    }
+
+    /// The filter for pictures of a size.
+    ///
+    /// # Errors
+    /// As for [`DisplayFilter::new`].
+    pub fn filter(&self, width: u32, height: u32) -> Result<DisplayFilter, Error> {
+        DisplayFilter::new(&self.device, &self.kernels, &self.weights, width, height)
+    }
+}
 
 /// Filters pictures of one size, in memory of its own.
 pub struct DisplayFilter {
@@ -80,7 +110,7 @@ fn push_ends(convolution: &Convolution, layer: usize, step: u8, floats: &mut Vec
 }
 
 impl DisplayFilter {
-    /// Makes one for pictures of a size. `profiled`: have the device time each layer.
+    /// Makes one for pictures of a size.
     ///
     /// # Errors
     /// If the device has no room, or a picture's layers exceed what one buffer may hold.
@@ -90,7 +120,6 @@ impl DisplayFilter {
         weights: &FilterWeights,
         width: u32,
         height: u32,
-        profiled: bool,
     ) -> Result<DisplayFilter, Error> {
         let size = [width, height].map(|v| v as usize);
         let blocks = size.map(|v| v.div_ceil(2));
@@ -115,8 +144,7 @@ impl DisplayFilter {
         };
         let weight_buffer = floats_of("filter: weights", &floats)?;
         let ends = floats_of("filter: biases", &end_floats)?;
-        let timing = if profiled { Timing::Stages } else { Timing::None };
-        let mut recorder = Recorder::new(device, timing)?;
+        let mut recorder = Recorder::new(device, Timing::None)?;
         let (mut first_weight, mut first_end) = (0, 0);
         for layer in 0..LAYERS {
             let from = if layer == 0 { &input } else { &between[(layer - 1) % 2] };
@@ -171,14 +199,6 @@ impl DisplayFilter {
         self.commands.run()?;
         self.correct(&mut picture.data);
         Ok(())
-    }
-
-    /// Times of the layers of the last picture, if they are timed.
-    ///
-    /// # Errors
-    /// If the device fails.
-    pub fn stage_times(&self) -> Result<Vec<StageTime>, Error> {
-        self.commands.stage_times()
     }
 
     /// Sets the words of the input: six planes of blocks. Their bytes are those of `definition`.

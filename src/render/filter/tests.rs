@@ -19,7 +19,7 @@ fn the_device_gives_the_definitions_bytes() {
     {
         let weights = random_weights(seed as u64);
         let mut filter =
-            DisplayFilter::new(engine.vulkan(), &kernels, &weights, width, height, false).unwrap();
+            DisplayFilter::new(engine.vulkan(), &kernels, &weights, width, height).unwrap();
         for step in [0, 30, 63] {
             let render = random_picture(&mut random, width, height);
             let picture = random_picture(&mut random, width, height);

@@ -15,6 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context as _;
+use nvsprior::render::filter::FilterPlan;
 use nvsprior::residual::Tune;
 use nvsprior::{EncoderOptions, Picture, Pose};
 use nvsprior_inputs::args::{progress, with_progress};
@@ -22,7 +23,7 @@ use nvsprior_inputs::args::{progress, with_progress};
 use super::context::{Context, Shot};
 use super::perturbed::{NEAR, steps};
 use external::External;
-use own::{FilterParts, Own};
+use own::Own;
 use point::{Input, Mode, Point};
 use report::Missing;
 use run::{Beside, CodedRun, Run};
@@ -60,7 +61,7 @@ pub fn run(args: &CodecsArgs, context: &mut Context, folder: &Path) -> anyhow::R
     let portable = context.engine.device().portable;
     let wavelets = [Tune::Psnr, Tune::Ssim, Tune::Detection];
     let [wavelet, tuned @ ..] = wavelets.map(|tune| Own::wavelet(&context.scene, portable, tune));
-    let filter = FilterParts::of(&context.engine, &context.scene)?;
+    let filter = FilterPlan::new(context.engine.vulkan(), &context.scene)?;
     let filtered = Own::filtered(&context.scene, portable, filter);
     let times = with_progress(times::RATES.len(), "the wavelet coder's time", |done| {
         times::measure(context, &run, &poses, done)

@@ -2,16 +2,13 @@
 
 use std::sync::Arc;
 
-use nvsprior::Engine;
 use nvsprior::coder_tables::Tables;
-use nvsprior::filter_weights::FilterWeights;
 use nvsprior::packet::Residual;
-use nvsprior::render::filter::DisplayFilter;
-use nvsprior::render::{FilterKernels, Scene};
+use nvsprior::render::Scene;
+use nvsprior::render::filter::FilterPlan;
 use nvsprior::residual::{
     Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
 };
-use nvsprior::vulkan::Device;
 
 use super::{CodedRun, Input, Mode, Point, Run, timed};
 
@@ -22,33 +19,9 @@ pub struct Own {
     tables: Arc<Tables>,
     portable: bool,
     /// What makes the display filter for pictures of a size; `None`: they are not filtered.
-    filter: Option<FilterParts>,
+    filter: Option<FilterPlan>,
     /// Coarsest first.
     rates: Vec<Rate>,
-}
-
-/// What a display filter is made of.
-pub struct FilterParts {
-    device: Device,
-    kernels: FilterKernels,
-    weights: Arc<FilterWeights>,
-}
-
-impl FilterParts {
-    /// As a decoder of a scene has them.
-    pub fn of(engine: &Engine, scene: &Scene) -> anyhow::Result<FilterParts> {
-        let device = engine.vulkan().clone();
-        let kernels = FilterKernels::new(&device)?;
-        let own = scene.filter_weights().cloned();
-        let weights = own.unwrap_or_else(|| Arc::new(FilterWeights::generic()));
-        Ok(FilterParts { device, kernels, weights })
-    }
-
-    /// The filter for pictures of a size.
-    pub fn filter(&self, width: u32, height: u32) -> anyhow::Result<DisplayFilter> {
-        let FilterParts { device, kernels, weights } = self;
-        Ok(DisplayFilter::new(device, kernels, weights, width, height, false)?)
-    }
 }
 
 impl Own {
@@ -75,7 +48,7 @@ impl Own {
     }
 
     /// The wavelet coder, its pictures filtered for display.
-    pub fn filtered(scene: &Scene, portable: bool, filter: FilterParts) -> Own {
+    pub fn filtered(scene: &Scene, portable: bool, filter: FilterPlan) -> Own {
         let name = "wavelet with display filter";
         Own { name, filter: Some(filter), ..Own::wavelet(scene, portable, Tune::Psnr) }
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use nvsprior::Pose;
 use nvsprior::packet::Residual;
+use nvsprior::render::filter::FilterPlan;
 use nvsprior::residual::wavelet::Step;
 use nvsprior::residual::{
     Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
@@ -11,7 +12,6 @@ use nvsprior::residual::{
 
 use super::super::context::Context;
 use super::super::statistics::{Spread, median};
-use super::own::FilterParts;
 use super::run::Run;
 use super::timed;
 use crate::report::{Table, fixed};
@@ -73,8 +73,8 @@ pub fn measure(
     let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
     let mut encoder = ResidualEncoder::new(&setup);
     let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
-    let parts = FilterParts::of(&context.engine, &context.scene)?;
-    let mut filter = parts.filter(width, height)?;
+    let plan = FilterPlan::new(context.engine.vulkan(), &context.scene)?;
+    let mut filter = plan.filter(width, height)?;
     let count = run.frames.len() as f64;
     let mut rows = Vec::new();
     for (name, rate) in RATES {
