@@ -80,7 +80,6 @@
 //! bytes.
 
 mod attributes;
-mod bits;
 mod body;
 mod chain;
 mod change;
