@@ -20,7 +20,7 @@ const MAX_LEVELS: usize = 5;
 const HALF: isize = 4;
 /// How far displacements are sought, pixels of the coarsest level.
 const REACH: isize = 10;
-/// A level's difference per pixel that a displacement twice as far from the expected one must save.
+/// Levels of brightness, summed over a block, that two bits of a displacement must save.
 const FAR: i64 = 24;
 /// A block that costs no more than this is not looked at, bits as a feature.
 const CHEAP: i64 = 12 * ONE as i64;
