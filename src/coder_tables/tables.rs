@@ -35,9 +35,14 @@ pub enum TablesError {
 }
 
 impl Tables {
-    /// Those that come with the library.
+    /// Those of all payloads but for the ones below, if the prior has no tables of its own.
     pub fn generic() -> Tables {
         Tables::read(include_bytes!("generic.nvt")).unwrap_or_else(|_| Tables::zero())
+    }
+
+    /// Those of payloads with small or displaced blocks, if the prior has no tables of its own.
+    pub fn small_blocks() -> Tables {
+        Tables::read(include_bytes!("small_blocks.nvt")).unwrap_or_else(|_| Tables::zero())
     }
 
     /// Those of inter frames. They come with the library.

@@ -102,6 +102,8 @@ pub struct Predictor {
 /// A predictor for each kind of frame.
 pub struct Predictors {
     intra: Predictor,
+    /// The predictor of frames with small or displaced blocks, if it is another one.
+    small_blocks: Option<Box<Predictor>>,
     /// The predictor of inter frames. Boxed, so that what holds it stays small.
     pub inter: Box<Predictor>,
 }
@@ -109,11 +111,21 @@ pub struct Predictors {
 impl Predictors {
     /// Makes them of the tables of intra frames and those of inter frames.
     pub fn new(intra: &Tables, inter: &Tables) -> Predictors {
-        Predictors { intra: Predictor::new(intra), inter: Box::new(Predictor::new(inter)) }
+        // A prior's tables have learnt from small blocks, too.
+        let small_blocks = (*intra == Tables::generic()).then(Tables::small_blocks);
+        Predictors {
+            intra: Predictor::new(intra),
+            small_blocks: small_blocks.map(|tables| Box::new(Predictor::new(&tables))),
+            inter: Box::new(Predictor::new(inter)),
+        }
     }
 
     pub fn of(&self, frame: &Frame) -> &Predictor {
-        if frame.inter_seen().is_some() { &self.inter } else { &self.intra }
+        if frame.inter_seen().is_some() {
+            return &self.inter;
+        }
+        let small_blocks = frame.small_blocks.in_use || frame.has_displaced();
+        self.small_blocks.as_deref().filter(|_| small_blocks).unwrap_or(&self.intra)
     }
 }
 

@@ -39,6 +39,12 @@ impl Sampler {
         self
     }
 
+    /// With small blocks, as packets in the short form have them.
+    pub fn with_small_blocks(mut self) -> Sampler {
+        self.encoder.allow_small_blocks(true);
+        self
+    }
+
     /// The encoder.
     pub fn encoder(&mut self) -> &mut WaveletEncoder {
         &mut self.encoder
@@ -46,6 +52,7 @@ impl Sampler {
 
     /// Codes the frame that the encoder was set to, and shows its coefficients in coding order.
     pub fn visit(&mut self, step: Step, mut visit: impl FnMut(Sample)) {
+        self.encoder.choose_blocks(step);
         self.encoder.choose(step, LAMBDA);
         self.encoder.show(|due, value, wanted| {
             let context = due.context;

@@ -57,8 +57,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &out)?;
     let run = args.run.pairs(&prior)?;
     run.print();
-    let learned: Vec<Pair> = run.learned.into_iter().flatten().collect();
-    let tables = train(&learned, args.rounds as usize);
+    let tables = train(&run.learned, args.rounds as usize);
     let content = kind.content(&bytes, &tables)?;
     replace_file(&out, &content)?;
     if let Kind::Compact = kind {
@@ -71,11 +70,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Trains tables, beginning with the library's.
-fn train(pairs: &[Pair], rounds: usize) -> Tables {
+fn train(runs: &[Vec<Pair>], rounds: usize) -> Tables {
     let options = TableOptions { rounds, ..TableOptions::default() };
     let bar = progress(rounds, "training");
     bar.tick();
-    train_tables(pairs, Some(&Tables::generic()), &options, |_| bar.inc(1))
+    train_tables(runs, Some(&Tables::generic()), &options, |_| bar.inc(1))
 }
 
 impl Kind {

@@ -3,6 +3,7 @@
 mod examples;
 mod float_networks;
 mod optimiser;
+mod silt;
 mod stream;
 mod vary;
 
@@ -36,7 +37,7 @@ pub struct TableOptions {
     /// Quantiser steps that each frame is coded at, in a round.
     pub steps_per_frame: usize,
     /// Frames are mirrored, lit otherwise, and now and then beside another frame's render: for tables that are to do
-    /// for any scene.
+    /// for any scene. Frames of shorter runs are then coded more often, so that runs count alike.
     pub vary: bool,
     /// Seed of everything that is chosen at random.
     pub seed: u64,
@@ -47,6 +48,9 @@ impl Default for TableOptions {
         TableOptions { rounds: 3, epochs: 4, steps_per_frame: 3, vary: false, seed: 1 }
     }
 }
+
+/// How many times as often as those of the longest run the frames of a short one are coded, at most.
+const MOST_TIMES: usize = 4;
 
 /// Quantiser steps to train for: from a few bytes to finer than most links allow.
 const STEPS: std::ops::Range<u8> = 16..54;
@@ -61,9 +65,9 @@ pub struct TableProgress {
     pub bits: f64,
 }
 
-/// Trains tables, from `start` if there is one.
+/// Trains tables on runs of frames, from `start` if there is one.
 pub fn train_tables(
-    pairs: &[Pair],
+    runs: &[Vec<Pair>],
     start: Option<&Tables>,
     options: &TableOptions,
     mut progress: impl FnMut(TableProgress),
@@ -75,7 +79,7 @@ pub fn train_tables(
         None => random_weights(|| random.within(0.0, 1.0)),
     };
     for round in 0..options.rounds {
-        let (examples, coded) = collect(pairs, &tables, options, &mut random);
+        let (examples, coded) = collect(runs, &tables, options, &mut random);
         offsets(&examples, &mut tables);
         let bits = optimiser::fit(&mut weights, &examples, options.epochs, &mut random);
         quantise(&weights, &mut tables);
@@ -86,33 +90,42 @@ pub fn train_tables(
 
 /// Codes all frames at random steps. Coefficients to learn from, and how often a frame was coded.
 fn collect(
-    pairs: &[Pair],
+    runs: &[Vec<Pair>],
     tables: &Tables,
     options: &TableOptions,
     random: &mut Random,
 ) -> (Vec<Example>, usize) {
-    let seeds: Vec<_> = pairs.iter().map(|_| random.bits()).collect();
-    let of_pair = |(pair, seed): (&Pair, &u64)| {
+    let longest = runs.iter().map(Vec::len).max().unwrap_or(0);
+    let times = |run: &[Pair]| {
+        let more = (longest / run.len().max(1)).clamp(1, MOST_TIMES);
+        options.steps_per_frame * if options.vary { more } else { 1 }
+    };
+    let frames = runs.iter().flat_map(|run| run.iter().map(move |pair| (pair, run)));
+    let frames: Vec<_> = frames.map(|(pair, run)| (pair, run, random.bits())).collect();
+    let of_pair = |(pair, run, seed): &(&Pair, &Vec<Pair>, u64)| {
         let mut random = Random::new(*seed);
         let mut collector = Collector::new(random.bits());
         let Picture { width, height, .. } = pair.frame;
         let mut sampler = Sampler::new(width, height, tables);
-        for _ in 0..options.steps_per_frame {
-            let varied = options.vary.then(|| vary(pair, pairs, &mut random));
+        for _ in 0..times(run) {
+            let varied = options.vary.then(|| vary(pair, run, &mut random));
             let pair = varied.as_ref().unwrap_or(pair);
             let before = collector.examples.len();
             let span = u64::from(STEPS.end - STEPS.start);
             let step = Step::new(STEPS.start + (random.bits() % span) as u8);
             // One coding in five does as a device that is not portable does.
             let sees_render = !random.bits().is_multiple_of(5);
+            // Packets in the full form have no small blocks.
+            sampler.encoder().allow_small_blocks(!random.bits().is_multiple_of(4));
             sampler.encoder().set(&pair.frame, &pair.render, sees_render);
             sampler.visit(step, |sample| collector.take(sample));
             collector.even_out(before);
         }
         collector.examples
     };
-    let examples: Vec<Vec<_>> = pairs.par_iter().zip(&seeds).map(of_pair).collect();
-    (examples.into_iter().flatten().collect(), pairs.len() * options.steps_per_frame)
+    let examples: Vec<Vec<_>> = frames.par_iter().map(of_pair).collect();
+    let coded = runs.iter().map(|run| run.len() * times(run)).sum();
+    (examples.into_iter().flatten().collect(), coded)
 }
 
 /// Where coefficients lie in their intervals, in the mean; little is claimed from few of them.
@@ -140,13 +153,14 @@ fn offsets(examples: &[Example], tables: &mut Tables) {
     }
 }
 
-/// Bytes per frame that tables give, and PSNR, at steps: for reports.
+/// Bytes per frame that tables give, and PSNR, at a step: for reports.
 pub fn measure(pairs: &[Pair], tables: &Tables, step: Step, sees_render: bool) -> (f64, f64) {
     let of_pair = |pair: &Pair| {
         let Picture { width, height, .. } = pair.frame;
-        let mut sampler = Sampler::new(width, height, tables);
+        let mut sampler = Sampler::new(width, height, tables).with_small_blocks();
         let mut bytes = Vec::with_capacity(8 * pair.frame.data.len() + 64);
         sampler.encoder().set(&pair.frame, &pair.render, sees_render);
+        sampler.encoder().choose_blocks(step);
         sampler.encoder().encode(step, &mut bytes);
         let mut shown = pair.render.clone();
         sampler.encoder().add_to(&mut shown);

@@ -4,6 +4,7 @@ use nvsprior::Picture;
 use nvsprior::random::Random;
 
 use super::Pair;
+use super::silt::Silt;
 
 /// A pair made of one of `all`: mirrored, lit otherwise, beside another's render or none.
 pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
@@ -21,6 +22,9 @@ pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {
         mirror(&mut render);
     }
     Light::some(random).apply(&mut frame);
+    if random.bits().is_multiple_of(4) {
+        Silt::some(random).apply(&mut frame, random);
+    }
     Pair { frame, render }
 }
 

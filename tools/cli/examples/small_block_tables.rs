@@ -1,0 +1,60 @@
+//! Trains the tables that the wavelet coder has for payloads with small blocks: `src/coder_tables/small_blocks.nvt`.
+//!
+//!     cargo run --release -p nvsprior-cli --example small_block_tables -- OUT.nvt ROUNDS PRIOR CAMERAS SPLIT [PRIOR …]
+//!
+//! Training begins with the library's. Frames are varied in light, silt and more; shorter runs are coded more often.
+//! A run that is named twice counts twice. A SPLIT of `-` stands for all frames. Every eighth frame of each run is held
+//! out, and its bytes before and after are printed.
+
+mod pairs;
+
+use std::path::Path;
+
+use nvsprior::Engine;
+use nvsprior::coder_tables::Tables;
+use nvsprior::residual::wavelet::Step;
+use nvsprior_train::coder_tables::{Pair, TableOptions, measure, train_tables};
+
+use pairs::Run;
+
+/// Quantiser steps that are shown, from a fine picture to a coarse one.
+const STEPS: [u8; 3] = [24, 32, 40];
+
+fn main() -> anyhow::Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [out, rounds, inputs @ ..] = arguments.as_slice() else {
+        anyhow::bail!("OUT.nvt ROUNDS PRIOR CAMERAS SPLIT …")
+    };
+    let (inputs, rest) = inputs.as_chunks::<3>();
+    anyhow::ensure!(!inputs.is_empty() && rest.is_empty(), "each run is PRIOR CAMERAS SPLIT");
+    let rounds = rounds.parse()?;
+    let engine = Engine::new(&Default::default())?;
+    let (mut learned, mut held_out) = (Vec::new(), Vec::new());
+    for input in inputs {
+        let run = Run::open(&engine, input)?;
+        learned.push(run.learned);
+        held_out.push((input, run.held_out));
+    }
+    let start = Tables::small_blocks();
+    let options = TableOptions { rounds, epochs: 2, steps_per_frame: 1, vary: true, seed: 7 };
+    let report = |progress| println!("{progress:?}");
+    let tables = train_tables(&learned, Some(&start), &options, report);
+    for (input, pairs) in &held_out {
+        println!("{input:?}");
+        print(pairs, &start, &tables);
+    }
+    nvsprior::prior::replace_file(Path::new(out), &tables.write())?;
+    Ok(())
+}
+
+/// Prints bytes and PSNR of a run's frames before and after.
+fn print(pairs: &[Pair], before: &Tables, after: &Tables) {
+    for step in STEPS.map(Step::new) {
+        let (bytes_before, psnr_before) = measure(pairs, before, step, true);
+        let (bytes, psnr) = measure(pairs, after, step, true);
+        println!(
+            "  step {:.0}: {bytes_before:.1} → {bytes:.1} bytes, {psnr_before:.2} → {psnr:.2} dB",
+            step.value()
+        );
+    }
+}
