@@ -22,6 +22,7 @@ import tempfile
 # A room is a folder or a file of src/; the longest name that fits a file is its room.
 ROOMS = """
 random geometry queue range_coder
+adaptive_numbers
 image
 vulkan
 coder_tables filter_weights

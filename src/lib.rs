@@ -50,6 +50,7 @@ pub mod truth;
 #[allow(unsafe_code)]
 pub mod vulkan;
 
+mod adaptive_numbers;
 mod decoder;
 mod doubt_view;
 mod encoded;

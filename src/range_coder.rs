@@ -180,6 +180,27 @@ impl Bits for WholeReader<'_> {
     }
 }
 
+/// Reads a stream that may be cut. What its bytes do not tell reads as zeros.
+pub struct StartReader<'a, 'b> {
+    decoder: &'a mut RangeDecoder<'b>,
+    /// Something was not told.
+    pub has_ended: bool,
+}
+
+impl<'a, 'b> StartReader<'a, 'b> {
+    pub fn new(decoder: &'a mut RangeDecoder<'b>) -> StartReader<'a, 'b> {
+        StartReader { decoder, has_ended: false }
+    }
+}
+
+impl Bits for StartReader<'_, '_> {
+    fn bit(&mut self, one: Probability, _: bool) -> bool {
+        let bit = if self.has_ended { None } else { self.decoder.get(one) };
+        self.has_ended = bit.is_none();
+        bit.unwrap_or(false)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

@@ -67,6 +67,16 @@ fn decode(payload: &[u8], render: &Picture) -> Picture {
     shown
 }
 
+/// Checks that a payload gives a picture, unless it says that blocks are displaced: there is no earlier frame.
+fn check_any(payload: &[u8], render: &Picture) {
+    let mut shown = render.clone();
+    match decoder().add(&coded(payload), true, &mut shown) {
+        Ok(()) => {}
+        Err(ResidualError::Payload(_)) => assert!(shown == *render),
+        Err(other) => panic!("{other:?}"),
+    }
+}
+
 #[test]
 fn what_is_new_takes_fewer_bytes() {
     let (frame, render) = pair();
@@ -197,7 +207,7 @@ proptest! {
             };
             prop_assert!(decoder().add_start(&start, true, &mut shown).is_ok());
         } else {
-            decode(&bytes, &render);
+            check_any(&bytes, &render);
         }
     }
 
@@ -207,7 +217,7 @@ proptest! {
         let (mut payload, _) = small(&pair, Rate::Quality(10.0), true);
         let at = at.index(payload.len());
         payload[at] ^= mask;
-        decode(&payload, &pair.1);
+        check_any(&payload, &pair.1);
     }
 
     #[test]

@@ -40,9 +40,9 @@ pub fn run(input: &[u8]) {
     let at = usize::from(choice & 7);
     let (start, portable) = (choice & 8 != 0, choice & 16 == 0);
     let render = render(SIZES[at]);
+    let coder = if choice & 32 == 0 { Coder::Wavelet } else { Coder::SmallBlocks };
     let decode = |decoder: &mut ResidualDecoder| {
         let mut shown = render.clone();
-        let coder = if choice & 32 == 0 { Coder::Wavelet } else { Coder::SmallBlocks };
         let outcome = if start {
             let payload_len = payload.len() + usize::from(choice >> 5);
             decoder
@@ -60,8 +60,9 @@ pub fn run(input: &[u8]) {
     let (outcome, shown) = USED.with_borrow_mut(|used| decode(&mut used[at]));
     match &outcome {
         Ok(()) => {}
-        // Only a payload that looks at the render is refused, and nothing is drawn then.
+        // A payload is refused that looks at another render, or at an earlier frame. Nothing is drawn then.
         Err(ResidualError::OtherRender) => assert!(!portable && shown == render),
+        Err(ResidualError::Payload(_)) => assert!(!start && coder == Coder::SmallBlocks && shown == render),
         Err(other) => panic!("{other}"),
     }
     // What was decoded before must not show. A decoder takes long to make, so one input in 256 is compared.

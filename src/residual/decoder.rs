@@ -160,8 +160,8 @@ impl ResidualDecoder {
             return Err(ResidualError::ReferenceMissing { frame: frame.frame, reference });
         }
         frame.check((render.width, render.height))?;
-        let warped = self.stream.warped(reference, frame);
-        self.wavelet.add_inter(payload, portable, warped, render)
+        let earlier = self.stream.earlier(reference, frame);
+        self.wavelet.add_inter(payload, portable, earlier.as_ref(), render)
     }
 
     /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet

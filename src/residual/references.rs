@@ -33,6 +33,8 @@ pub struct Kept {
     pub viewpoint: Viewpoint,
     /// What is shown less the render; see [`super::difference()`].
     pub difference: Picture,
+    /// What is shown.
+    pub shown: Picture,
     /// Whether the slot holds a frame.
     used: bool,
 }
@@ -75,6 +77,7 @@ impl References {
         (kept.frame, kept.position) = (frame % Latent::FRAMES, position);
         (kept.viewpoint, kept.used) = (*viewpoint, true);
         difference_into(shown, render, &mut kept.difference);
+        kept.shown.clone_from(shown);
         kept.tag = tag(viewpoint, &kept.difference);
     }
 
@@ -91,8 +94,9 @@ impl References {
             return;
         }
         let empty = || {
-            let difference = Picture::new(width, height);
-            Kept { frame: 0, position: 0, tag: 0, viewpoint: *viewpoint, difference, used: false }
+            let [difference, shown] = [(); 2].map(|()| Picture::new(width, height));
+            let (viewpoint, used) = (*viewpoint, false);
+            Kept { frame: 0, position: 0, tag: 0, viewpoint, difference, shown, used }
         };
         self.kept.clear();
         self.kept.reserve_exact(REFERENCES);

@@ -6,7 +6,7 @@ use crate::packet::{Reference, Residual};
 use super::ResidualError;
 use super::references::{Kept, NUMBERS, REFERENCES, References, frames_behind};
 use super::warp::{Viewpoint, warp};
-use super::wavelet::Planes;
+use super::wavelet::{Earlier, Planes};
 
 /// Whether frames are predicted from earlier ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -138,13 +138,13 @@ impl StreamEncoder {
         self.references.prepare(viewpoint);
     }
 
-    /// What a frame may be predicted from, warped to its view.
+    /// What a frame may be predicted from.
     pub fn reference(
         &mut self,
         frame: &StreamFrame,
         structure: Structure,
         acknowledged: &Acknowledged,
-    ) -> Option<(Reference, &Planes)> {
+    ) -> Option<(Reference, Earlier<'_>)> {
         self.prepare(frame.viewpoint);
         let position = frames_behind(self.key?, frame.frame);
         let key_every = structure.key_every();
@@ -154,7 +154,7 @@ impl StreamEncoder {
         let suits = |kept: &Kept| structure.suits(position, kept, acknowledged);
         let (reference, kept) = self.references.newest(frame.frame, suits)?;
         warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
-        Some((reference, &self.warped))
+        Some((reference, Earlier { warped: &self.warped, shown: &kept.shown }))
     }
 
     /// Remembers a coded frame, if later ones may be predicted from it.
@@ -189,12 +189,12 @@ impl StreamDecoder {
         self.references.find(reference, frame, viewpoint).is_some()
     }
 
-    /// A reference, warped to a frame's view. `None` if it is missing.
-    pub fn warped(&mut self, reference: Reference, frame: &StreamFrame) -> Option<&Planes> {
+    /// The frame that a reference names, warped to a frame's view. `None` if it is missing.
+    pub fn earlier(&mut self, reference: Reference, frame: &StreamFrame) -> Option<Earlier<'_>> {
         prepare(&mut self.warped, frame.viewpoint);
         let kept = self.references.find(reference, frame.frame, frame.viewpoint)?;
         warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
-        Some(&self.warped)
+        Some(Earlier { warped: &self.warped, shown: &kept.shown })
     }
 
     /// Takes the render of a frame, before anything is added to it.

@@ -6,7 +6,8 @@
 pub use crate::search::Placement;
 use crate::{Camera, Picture};
 
-use super::wavelet::{FRACTION, Planes, colour};
+use super::wavelet::sub_pixel::{PLACES, SubPixel, sample};
+use super::wavelet::{Planes, colour};
 
 /// Where a picture was seen from, in numbers that are the same on every device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,16 +18,8 @@ pub struct Viewpoint {
     pub placement: Placement,
 }
 
-/// Places between two pixels that are told apart.
-const PLACES: usize = 64;
-/// Binary places of the weights.
-const WEIGHT_PLACES: u32 = 9;
-/// Weights of the four pixels around a place between the second and the third (Catmull and Rom's cubic).
-const WEIGHTS: [[i32; 4]; PLACES] = weights();
 /// Nearer than this nothing is seen, the prior's unit.
 const NEAREST: f64 = 1e-3;
-/// A difference picture's value for no difference.
-const NONE: i32 = 128;
 
 /// How pixels of one view move to places in another.
 struct Motion {
@@ -71,12 +64,6 @@ impl Motion {
     }
 }
 
-/// A place along both axes: a whole pixel, and 64ths beyond it.
-struct SubPixel {
-    column: (isize, usize),
-    row: (isize, usize),
-}
-
 /// A coordinate as whole pixels and the part beyond. `None` if it lies outside.
 fn part_of(coordinate: f64, len: usize) -> Option<(isize, usize)> {
     if !(coordinate > -0.5 && coordinate < len as f64 - 0.5) {
@@ -95,34 +82,6 @@ fn matrix(placement: &Placement) -> [[f64; 3]; 3] {
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
     ]
-}
-
-const fn weights() -> [[i32; 4]; PLACES] {
-    let one = PLACES as i64;
-    // Numerators of the cubic, over 2 · 64³; in binary places of the weight that is divided by this.
-    let divisor = (2 * one * one * one) >> WEIGHT_PLACES;
-    let mut table = [[0; 4]; PLACES];
-    let mut f = 0;
-    while f < PLACES {
-        let t = f as i64;
-        let cubic = [
-            ((-t + 2 * one) * t - one * one) * t,
-            ((3 * t - 5 * one) * t) * t + 2 * one * one * one,
-            ((-3 * t + 4 * one) * t + one * one) * t,
-            ((t - one) * t) * t,
-        ];
-        let mut k = 0;
-        let mut sum = 0;
-        while k < 4 {
-            table[f][k] = (cubic[k] + divisor / 2).div_euclid(divisor) as i32;
-            sum += table[f][k];
-            k += 1;
-        }
-        // What rounding left, to the nearer pixel.
-        table[f][if 2 * f < PLACES { 1 } else { 2 }] += (1 << WEIGHT_PLACES) - sum;
-        f += 1;
-    }
-    table
 }
 
 /// Writes the planes of a difference picture that was seen from `from`, as they show from `to`, whose pixels have
@@ -154,41 +113,9 @@ pub fn warp(
     }
 }
 
-/// The difference at a place, in [`FRACTION`] binary places.
-fn sample(difference: &Picture, place: &SubPixel) -> [i32; 3] {
-    let (width, height) = (difference.width as isize, difference.height as isize);
-    let ((column, x), (row, y)) = (place.column, place.row);
-    let inside = column >= 1 && column + 2 < width;
-    let mut sums = [0; 3];
-    for (k, down) in WEIGHTS[y].into_iter().enumerate() {
-        let row = (row - 1 + k as isize).clamp(0, height - 1) * width;
-        let mut along = [0; 3];
-        let mut add = |pixel: &[u8], weight: i32| {
-            for (sum, value) in along.iter_mut().zip(pixel) {
-                *sum += weight * (i32::from(*value) - NONE);
-            }
-        };
-        if inside {
-            let from = &difference.data[3 * (row + column - 1) as usize..][..12];
-            for (pixel, weight) in from.as_chunks::<3>().0.iter().zip(WEIGHTS[x]) {
-                add(pixel, weight);
-            }
-        } else {
-            for (i, weight) in WEIGHTS[x].into_iter().enumerate() {
-                let column = (column - 1 + i as isize).clamp(0, width - 1);
-                add(&difference.data[3 * (row + column) as usize..][..3], weight);
-            }
-        }
-        for (sum, along) in sums.iter_mut().zip(along) {
-            *sum += down * along;
-        }
-    }
-    const SPARE: u32 = 2 * WEIGHT_PLACES - FRACTION;
-    sums.map(|sum| (sum + (1 << (SPARE - 1))) >> SPARE)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::wavelet::sub_pixel::NONE;
     use super::*;
 
     fn camera() -> Camera {
@@ -211,15 +138,6 @@ mod tests {
             rgb.copy_from_slice(&[100 + 2 * x, 150 - 3 * y, 128 + x - y].map(|v| v as u8));
         }
         picture
-    }
-
-    #[test]
-    fn weights_sum_to_one() {
-        for weights in WEIGHTS {
-            assert_eq!(weights.iter().sum::<i32>(), 1 << WEIGHT_PLACES);
-        }
-        assert_eq!(WEIGHTS[0], [0, 512, 0, 0]);
-        assert_eq!(WEIGHTS[32], [-32, 288, 288, -32]);
     }
 
     #[test]

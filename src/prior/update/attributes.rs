@@ -1,8 +1,8 @@
 //! What splats look like, as bits: sizes against those before, turns as they are, colours against up to four that came
 //! up before.
 
-use super::bits::{Chance, Signed};
 use super::splat::{NewSplat, idle_axis};
+use crate::adaptive_numbers::{Chance, Signed};
 use crate::range_coder::Bits;
 use crate::range_coder::EVEN;
 

@@ -1,7 +1,6 @@
 //! The coded part of an update: one function for both ways, see [`Bits`].
 
 use super::attributes::Attributes;
-use super::bits::{Magnitude, plain};
 use super::change::Change;
 use super::changes::{self, code_ordinal};
 use super::fade::Fade;
@@ -9,6 +8,7 @@ use super::grid::UpdateGrid;
 use super::limits::{EXPONENTS, MAX_FADES, MAX_LEARNT};
 use super::places;
 use super::splat::NewSplat;
+use crate::adaptive_numbers::{Magnitude, plain};
 use crate::range_coder::Bits;
 
 /// What is coded.

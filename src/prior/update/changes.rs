@@ -1,8 +1,8 @@
 //! Changes of learnt splats, as bits: which splats, then each number by what is known of the numbers beside it.
 
-use super::bits::{Chance, Magnitude, Size};
 use super::change::Change;
 use super::limits::MAX_LEARNT;
+use crate::adaptive_numbers::{Chance, Magnitude, Size};
 use crate::range_coder::Bits;
 use crate::range_coder::EVEN;
 

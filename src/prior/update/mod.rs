@@ -55,7 +55,6 @@
 //! bytes.
 
 mod attributes;
-mod bits;
 mod body;
 mod chain;
 mod change;

@@ -3,7 +3,7 @@
 //! The order of the splats tells nothing, so it costs nothing: they come back in the order of the tree, which is that
 //! of the Morton curve.
 
-use super::bits::Magnitude;
+use crate::adaptive_numbers::Magnitude;
 use crate::range_coder::Bits;
 use crate::range_coder::Probability;
 

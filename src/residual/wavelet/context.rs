@@ -97,7 +97,7 @@ impl<'a> BandContext<'a> {
             scale: frame.step.per_unit(geometry.norm(&band)),
             log_step: frame.step.log(),
             known: match frame.sees_render {
-                true if frame.has_blocks() => None,
+                true if frame.has_blocks() || frame.has_displaced() => None,
                 sees_render => Some(sees_render),
             },
             frame,
@@ -212,7 +212,7 @@ impl<'a> BandContext<'a> {
     fn pictures(&self, x: usize, y: usize, inputs: &mut [i16]) {
         let Frame { geometry, render, .. } = self.frame;
         let Band { level, width, height, .. } = self.band;
-        if let Some(inter) = self.frame.inter_in_use() {
+        if let Some(inter) = self.frame.inter_seen() {
             let InterValue { predicted, around } = self.inter_value(inter, x, y);
             inputs[0] = bounded(log_size(predicted));
             inputs[1] = bounded(log_size(around));
@@ -263,7 +263,7 @@ impl<'a> BandContext<'a> {
             }
         }
         // In place of the sign in the second plane.
-        if let Some(inter) = self.frame.inter_in_use() {
+        if let Some(inter) = self.frame.inter_seen() {
             all[8] = clamped(self.inter_value(inter, x, y).predicted, 3);
         }
         if self.band.rank() == 0 {

@@ -5,10 +5,10 @@ use crate::packet::{Coder, ResidualStart};
 
 use super::super::ResidualError;
 use super::bits::Reader;
+use super::displaced::Earlier;
 use super::encoder::WaveletEncoder;
 use super::frame::Frame;
-use super::geometry::Planes;
-use super::header::Header;
+use super::header::{FineBlocks, Header};
 use super::inter::Inter;
 use super::pass::Pass;
 use super::predictor::Predictors;
@@ -33,6 +33,17 @@ impl<'a> Payload<'a> {
         let small_blocks = start.coder == Coder::SmallBlocks;
         Payload { bytes: start.payload, tail: Tail::Unknown, small_blocks }
     }
+}
+
+const UNKNOWN_BLOCKS: ResidualError =
+    ResidualError::Payload("it has displaced blocks, and is predicted from no other frame");
+
+/// What an inter payload is decoded beside.
+enum Beside<'a> {
+    /// An earlier frame.
+    Earlier(&'a Earlier<'a>),
+    /// What its encoder had made of one, which was set.
+    Encoder,
 }
 
 /// Decodes the pictures of one size, in memory of its own.
@@ -68,10 +79,11 @@ impl WaveletDecoder {
     }
 
     /// Adds a payload to its render, of the decoder's size. Of a payload that was cut short, what is there is added.
-    /// Any bytes give a picture.
+    /// Any bytes give a picture, but for those that are refused.
     ///
     /// # Errors
-    /// If the payload's contexts look at the render, and it is not the encoder's: `portable` tells.
+    /// If the payload's contexts look at the render, and it is not the encoder's: `portable` tells. If a whole payload
+    /// has displaced blocks.
     pub fn add(
         &mut self,
         payload: Payload,
@@ -81,24 +93,21 @@ impl WaveletDecoder {
         self.add_inter(payload, portable, None, render)
     }
 
-    /// As [`WaveletDecoder::add`], for an inter payload. `warped`: the reference's planes in this
-    /// view.
+    /// As [`WaveletDecoder::add`], for an inter payload, if there is an earlier frame.
     ///
     /// # Errors
-    /// As for [`WaveletDecoder::add`]. All inter payloads need the encoder's render.
+    /// As for [`WaveletDecoder::add`], but displaced blocks may be. All inter payloads need the encoder's render.
     pub fn add_inter(
         &mut self,
         payload: Payload,
         portable: bool,
-        warped: Option<&Planes>,
+        earlier: Option<&Earlier>,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        if let Some(warped) = warped {
+        if earlier.is_some() {
             self.prepare_inter();
-            let Frame { geometry, scratch, inter, .. } = &mut self.frame;
-            inter.iter_mut().for_each(|inter| inter.set(geometry, warped, scratch));
         }
-        self.add_prepared(payload, portable, warped.is_some(), render)
+        self.add_beside(payload, portable, earlier.map(Beside::Earlier), render)
     }
 
     /// Decodes what an encoder has written of its frame, or the start of it.
@@ -115,24 +124,31 @@ impl WaveletDecoder {
         }
         let small_blocks = encoder.has_small_blocks();
         let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
-        self.add_prepared(payload, true, own.is_some(), render)
+        self.add_beside(payload, true, own.map(|_| Beside::Encoder), render)
     }
 
-    /// `is_inter`: the reference was set.
-    fn add_prepared(
+    fn add_beside(
         &mut self,
         payload: Payload,
         portable: bool,
-        is_inter: bool,
+        beside: Option<Beside>,
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         let WaveletDecoder { frame, predictors, pass, step } = self;
         *step = None;
         let mut decoder = RangeDecoder::new(payload.bytes, payload.tail);
-        frame.small_blocks.in_use = payload.small_blocks;
-        let Frame { predicted, small_blocks, .. } = frame;
-        let Some(header) = Header::read(predicted, small_blocks, &mut decoder) else {
-            return Ok(());
+        let Frame { predicted, small_blocks, inter, .. } = frame;
+        let is_inter = beside.is_some();
+        let inter = inter.as_mut().filter(|_| is_inter);
+        let fine =
+            FineBlocks { plain: small_blocks, displaced: inter.map(|inter| &mut inter.displaced) };
+        let header = Header::read(predicted, fine, payload.small_blocks, &mut decoder);
+        let Some(header) = header else {
+            // If the end is missing, too little came. A whole payload says something that is not known here.
+            return match payload.tail {
+                Tail::Unknown => Ok(()),
+                Tail::Zeros => Err(UNKNOWN_BLOCKS),
+            };
         };
         if (header.sees_render || is_inter) && !portable {
             return Err(ResidualError::OtherRender);
@@ -144,10 +160,13 @@ impl WaveletDecoder {
         frame.low_predicted = header.low_predicted;
         frame.weigh();
         frame.is_inter = is_inter;
-        if let Some(inter) = frame.inter.as_mut().filter(|_| is_inter)
-            && inter.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none()
-        {
-            return Ok(());
+        if let (Some(inter), Some(beside)) = (&mut frame.inter, beside) {
+            if let Beside::Earlier(earlier) = beside {
+                inter.set(&frame.geometry, earlier, render, &mut frame.scratch);
+            }
+            if inter.read(&frame.geometry, &mut decoder, &mut frame.scratch).is_none() {
+                return Ok(());
+            }
         }
         frame.set_render(render);
         let predictor = predictors.of(frame);

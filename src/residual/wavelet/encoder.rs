@@ -11,11 +11,13 @@ use super::blocks;
 use super::choose::Chooser;
 use super::colour;
 use super::context::BandContext;
+use super::displaced::Earlier;
+use super::displaced_choice::{DisplacementChooser, Pictures};
 use super::fineness::LAMBDA;
 use super::frame::Frame;
 use super::gains::{Gains, LevelGains};
 use super::geometry::{Finest, Geometry, Planes};
-use super::header::Header;
+use super::header::{FineBlocks, Header};
 use super::inter::{Inter, Pays};
 use super::lifting::{self, FRACTION};
 use super::model::Model;
@@ -46,6 +48,8 @@ pub struct WaveletEncoder {
     prices: Prices,
     pass: Pass,
     chooser: BlockChooser,
+    /// For inter frames.
+    displacements: Option<Box<DisplacementChooser>>,
     /// Blocks that are not predicted may be small.
     small_blocks: bool,
 }
@@ -68,6 +72,7 @@ impl WaveletEncoder {
             prices: Prices::new(&frame.geometry, tune),
             pass: Pass::new(&frame.geometry),
             chooser: BlockChooser::new(&frame.small_blocks.grids),
+            displacements: None,
             small_blocks: false,
             predictors: Predictors::new(tables, &Tables::stream()),
             frame,
@@ -77,12 +82,43 @@ impl WaveletEncoder {
     /// Takes a frame and its render, both of the encoder's size. `sees_render`: the topside draws the same
     /// render, byte for byte.
     pub fn set(&mut self, frame: &Picture, render: &Picture, sees_render: bool) {
-        self.set_inter(frame, render, sees_render, None);
+        self.set_inter(frame, render, sees_render, false);
     }
 
     /// Makes room for inter frames.
     pub fn prepare_inter(&mut self) {
         self.frame.prepare_inter();
+        let Geometry { width, height, .. } = self.frame.geometry;
+        let chooser = || Box::new(DisplacementChooser::new(width, height));
+        self.displacements.get_or_insert_with(chooser);
+    }
+
+    /// Takes what a frame may be predicted from. `displaced`: chooses displaced blocks, if blocks may be small, as they
+    /// suit the step in use; whether there are any. If there are none, what was taken before holds. Either way, the
+    /// frame must be set again.
+    pub fn set_earlier(
+        &mut self,
+        frame: &Picture,
+        render: &Picture,
+        earlier: &Earlier,
+        displaced: bool,
+    ) -> bool {
+        self.prepare_inter();
+        let WaveletEncoder { frame: coded, difference, displacements, small_blocks, .. } = self;
+        let (Some(inter), Some(displacements)) = (&mut coded.inter, displacements) else {
+            return false;
+        };
+        inter.displaced.clear();
+        if displaced && *small_blocks {
+            set_difference(frame, render, difference);
+            let pictures = Pictures { frame, render, difference, earlier };
+            displacements.choose(&mut inter.displaced, &pictures, coded.step);
+        }
+        if displaced && !inter.displaced.in_use {
+            return false;
+        }
+        inter.set(&coded.geometry, earlier, render, &mut coded.scratch);
+        inter.displaced.in_use
     }
 
     /// Sets whether blocks that are not predicted from the render may be small, from the next frame on. If so, they are
@@ -93,13 +129,15 @@ impl WaveletEncoder {
 
     /// Whether the payload of the frame has small blocks.
     pub fn has_small_blocks(&self) -> bool {
-        self.frame.small_blocks.in_use
+        self.frame.small_blocks.in_use || self.frame.has_displaced()
     }
 
     /// Bytes that its small blocks take.
-    pub(super) fn block_bytes(&self) -> f64 {
-        let blocks = &self.frame.small_blocks;
-        if blocks.in_use { blocks.bits() / 8.0 } else { 0.0 }
+    pub(super) fn block_bytes(&mut self) -> f64 {
+        let blocks = &mut self.frame.small_blocks;
+        let plain = if blocks.in_use { blocks.bits() } else { 0.0 };
+        let inter = self.frame.inter.as_mut().filter(|_| self.frame.is_inter);
+        (plain + inter.map_or(0.0, |inter| inter.displaced.bits())) / 8.0
     }
 
     /// Chooses what is predicted from the render as a step needs it, if blocks may be small.
@@ -120,41 +158,30 @@ impl WaveletEncoder {
         *self.predictors.inter = Predictor::new(tables);
     }
 
-    /// As [`WaveletEncoder::set`], beside a reference's planes, warped to the view. It is used unless that surely
-    /// does not pay.
+    /// As [`WaveletEncoder::set`]. `inter`: the frame is predicted from what [`WaveletEncoder::set_earlier`] took,
+    /// unless that surely does not pay.
     pub fn set_inter(
         &mut self,
         frame: &Picture,
         render: &Picture,
         sees_render: bool,
-        warped: Option<&Planes>,
+        inter: bool,
     ) -> Pays {
-        if warped.is_some() {
-            self.prepare_inter();
-        }
         let WaveletEncoder { frame: coded, difference, prices, .. } = self;
         coded.sees_render = sees_render;
         coded.set_render(render);
         prices.set_frame(&coded.geometry, frame, render);
-        let pixel = |i: usize| {
-            let level = |picture: &Picture, c: usize| i32::from(picture.data[3 * i + c]);
-            std::array::from_fn(|c| level(frame, c) - level(render, c))
-        };
-        let [a, b, c] = difference;
-        colour::to_planes(pixel, [a, b, c]);
+        set_difference(frame, render, difference);
         for plane in &mut *difference {
             for level in 0..coded.geometry.levels {
                 let geometry = &coded.geometry;
                 lifting::forward(plane, geometry.width, geometry.sizes[level], &mut coded.scratch);
             }
         }
-        let pays = match (warped, &mut coded.inter) {
-            (Some(warped), Some(inter)) => {
-                inter.set(&coded.geometry, warped, &mut coded.scratch);
-                inter.choose(&coded.geometry, difference, &mut coded.scratch)
-            }
-            _ => Pays::No,
-        };
+        let inter = coded.inter.as_mut().filter(|_| inter);
+        let pays = inter.map_or(Pays::No, |inter| {
+            inter.choose(&coded.geometry, difference, &mut coded.scratch)
+        });
         coded.is_inter = pays != Pays::No;
         coded.predict_all();
         if !self.small_blocks {
@@ -167,7 +194,7 @@ impl WaveletEncoder {
     /// Predicts all blocks of the frame from the render, even if it is of no use there. Returns whether a block
     /// changes.
     pub(super) fn predict_all(&mut self) -> bool {
-        if self.has_small_blocks() {
+        if self.frame.small_blocks.in_use {
             return take_back(&mut self.frame, &mut self.difference);
         }
         let changes = blocks::predict_all(&mut self.frame, &mut self.difference);
@@ -236,7 +263,11 @@ impl WaveletEncoder {
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let max = bytes.capacity();
         let mut encoder = RangeEncoder::new(bytes, max);
-        header.write(&frame.predicted, &frame.small_blocks, &mut encoder);
+        let Frame { predicted, small_blocks, inter, is_inter, .. } = frame;
+        let inter = inter.as_mut().filter(|_| *is_inter);
+        let fine =
+            FineBlocks { plain: small_blocks, displaced: inter.map(|inter| &mut inter.displaced) };
+        header.write(predicted, fine, &mut encoder);
         if let Some(inter) = frame.inter_in_use() {
             inter.write(&mut encoder);
         }
@@ -270,6 +301,16 @@ impl WaveletEncoder {
     pub(super) fn inter_in_use(&self) -> Option<&Inter> {
         self.frame.inter_in_use()
     }
+}
+
+/// Writes the planes of the difference of a frame and its render.
+fn set_difference(frame: &Picture, render: &Picture, difference: &mut Planes) {
+    let pixel = |i: usize| {
+        let level = |picture: &Picture, c: usize| i32::from(picture.data[3 * i + c]);
+        std::array::from_fn(|c| level(frame, c) - level(render, c))
+    };
+    let [a, b, c] = difference;
+    colour::to_planes(pixel, [a, b, c]);
 }
 
 /// The finest level of each plane with a coefficient that counts.

@@ -64,6 +64,17 @@ impl Frame {
         self.inter.as_deref().filter(|_| self.is_inter)
     }
 
+    /// Whether some blocks are displaced.
+    pub fn has_displaced(&self) -> bool {
+        self.inter_in_use().is_some_and(|inter| inter.displaced.in_use)
+    }
+
+    /// What contexts look at of an earlier frame. With displaced blocks that is nothing: little of what is then
+    /// predicted tells how large what is left will be.
+    pub fn inter_seen(&self) -> Option<&Inter> {
+        self.inter_in_use().filter(|_| !self.has_displaced())
+    }
+
     /// Takes a render of the frame's size.
     pub fn set_render(&mut self, render: &Picture) {
         self.render.set(&self.geometry, render, &mut self.scratch);
@@ -89,6 +100,10 @@ impl Frame {
 
     /// Whether a coefficient's block is predicted from the render with its details.
     pub fn is_detailed(&self, band: &Band, x: usize, y: usize) -> bool {
+        let displaced = self.inter_in_use().map(|inter| &inter.displaced);
+        if displaced.is_some_and(|displaced| displaced.is_displaced(band.level, x, y)) {
+            return false;
+        }
         if self.small_blocks.in_use {
             self.weights[band.offset + y * self.geometry.width + x] == FULL
         } else {

@@ -1,10 +1,11 @@
 //! What a payload says first.
 
+use super::displaced::DisplacedBlocks;
 use super::geometry::{Finest, MAX_LEVELS};
 use super::small_blocks::SmallBlocks;
 use super::step::Step;
 use crate::coder_tables::PLANES;
-use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
+use crate::range_coder::{Bits, EVEN, Probability, RangeDecoder, RangeEncoder, StartReader};
 
 /// What the coefficients are read with.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,10 +27,42 @@ const CUT: Probability = 1 << 14;
 const BLIND: Probability = 1 << 11;
 const LOW_PLAIN: Probability = 1 << 11;
 const SOME_BLOCKS: Probability = 1 << 12;
+/// Chances, if there are small blocks, that there are displaced ones; and then, that there are plain ones, too.
+const DISPLACED: Probability = 1 << 10;
+const ALSO_PLAIN: Probability = EVEN;
+
+/// What says finely what a frame is predicted from.
+pub struct FineBlocks<'a> {
+    pub plain: &'a mut SmallBlocks,
+    /// Those of an inter frame.
+    pub displaced: Option<&'a mut DisplacedBlocks>,
+}
+
+impl FineBlocks<'_> {
+    /// Whether a payload says something of them.
+    fn in_use(&self) -> bool {
+        self.plain.in_use || self.displaced.as_ref().is_some_and(|displaced| displaced.in_use)
+    }
+
+    /// Codes them. `None`: there can be no displaced ones.
+    fn code(&mut self, coder: &mut impl Bits) -> Option<()> {
+        let has_displaced = self.displaced.as_ref().is_some_and(|displaced| displaced.in_use);
+        if coder.bit(DISPLACED, has_displaced) {
+            let displaced = self.displaced.as_mut()?;
+            displaced.in_use = true;
+            displaced.code(coder);
+            self.plain.in_use = coder.bit(ALSO_PLAIN, self.plain.in_use);
+        }
+        if self.plain.in_use {
+            self.plain.code(coder);
+        }
+        Some(())
+    }
+}
 
 impl Header {
-    /// Writes it, and which blocks are predicted: the small ones, if they are in use.
-    pub fn write(&self, blocks: &[bool], small: &SmallBlocks, encoder: &mut RangeEncoder) {
+    /// Writes it, and which blocks are predicted: the fine ones, if they are in use.
+    pub fn write(&self, blocks: &[bool], mut fine: FineBlocks, encoder: &mut RangeEncoder) {
         encoder.put(self.cut, CUT);
         encoder.put(!self.sees_render, BLIND);
         encoder.put(!self.low_predicted, LOW_PLAIN);
@@ -37,8 +70,9 @@ impl Header {
         for level in self.finest {
             put_number(encoder, level as u32, 3);
         }
-        if small.in_use {
-            return small.write(encoder);
+        if fine.in_use() {
+            let _ = fine.code(encoder);
+            return;
         }
         let some = blocks.contains(&false);
         encoder.put(some, SOME_BLOCKS);
@@ -47,9 +81,11 @@ impl Header {
         }
     }
 
+    /// Reads it. `has_fine`: the payload says something of fine blocks.
     pub fn read(
         blocks: &mut [bool],
-        small: &mut SmallBlocks,
+        mut fine: FineBlocks,
+        has_fine: bool,
         decoder: &mut RangeDecoder,
     ) -> Option<Header> {
         let cut = decoder.get(CUT)?;
@@ -61,8 +97,14 @@ impl Header {
             *level = get_number(decoder, 3)? as usize;
         }
         blocks.fill(true);
-        if small.in_use {
-            small.read(decoder)?;
+        fine.plain.in_use = has_fine;
+        fine.displaced.iter_mut().for_each(|displaced| displaced.clear());
+        if has_fine {
+            let mut reader = StartReader::new(decoder);
+            fine.code(&mut reader)?;
+            if reader.has_ended {
+                return None;
+            }
         } else if decoder.get(SOME_BLOCKS)? {
             read_blocks(blocks, decoder)?;
         }

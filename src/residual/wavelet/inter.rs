@@ -5,10 +5,12 @@
 //! that fits, and blocks in which nothing is predicted: what the frame shows there was hidden before, or has changed.
 
 use super::block_cost;
+use super::displaced::{DisplacedBlocks, Earlier};
 use super::geometry::{Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::render::{box_mean, mean_room};
 use super::step::Step;
+use crate::Picture;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::RANKS;
 use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
@@ -104,8 +106,10 @@ impl Pays {
 
 /// A prediction, and what it is made of.
 pub struct Inter {
-    /// Coefficients of the warped reference.
-    warped: Planes,
+    /// Which blocks are predicted from what.
+    pub displaced: DisplacedBlocks,
+    /// Coefficients of the warped and the displaced reference.
+    reference: Planes,
     predicted: Planes,
     /// Mean magnitude over a coefficient and its eight neighbours, of the same band or not.
     energy: Planes,
@@ -143,9 +147,10 @@ impl Inter {
         let planes = || std::array::from_fn(|_| vec![0; geometry.len()]);
         let (columns, rows) = geometry.sizes[geometry.levels];
         let blocks = vec![true; columns * rows];
-        let (warped, predicted, energy, picture) = (planes(), planes(), planes(), planes());
+        let (reference, predicted, energy, picture) = (planes(), planes(), planes(), planes());
         let (says, rows) = (Says::default(), vec![0; mean_room(geometry)]);
-        Inter { warped, predicted, energy, picture, says, blocks, rows }
+        let displaced = DisplacedBlocks::new(geometry.width, geometry.height);
+        Inter { displaced, reference, predicted, energy, picture, says, blocks, rows }
     }
 
     /// The prediction's picture, to be added to what is decoded.
@@ -158,18 +163,26 @@ impl Inter {
         (self.predicted[plane][index], self.energy[plane][index])
     }
 
-    pub fn set(&mut self, geometry: &Geometry, warped: &Planes, scratch: &mut Scratch) {
-        for (own, warped) in self.warped.iter_mut().zip(warped) {
-            own.copy_from_slice(warped);
+    /// Takes an earlier frame, as the displaced blocks say. `render`: of this frame.
+    pub fn set(
+        &mut self,
+        geometry: &Geometry,
+        earlier: &Earlier,
+        render: &Picture,
+        scratch: &mut Scratch,
+    ) {
+        let Inter { displaced, reference, .. } = self;
+        displaced.compose(earlier, render, reference);
+        for plane in reference {
             (0..geometry.levels).for_each(|level| {
-                lifting::forward(own, geometry.width, geometry.sizes[level], scratch)
+                lifting::forward(plane, geometry.width, geometry.sizes[level], scratch)
             });
         }
     }
 
     /// Takes the reference of another prediction of this size.
     pub fn set_as(&mut self, other: &Inter) {
-        for (own, other) in self.warped.iter_mut().zip(&other.warped) {
+        for (own, other) in self.reference.iter_mut().zip(&other.reference) {
             own.copy_from_slice(other);
         }
     }
@@ -219,7 +232,8 @@ impl Inter {
             for plane in 0..PLANES {
                 let energies = &mut energies[plane][band.rank()];
                 for row in band.rows(geometry) {
-                    let pairs = difference[plane][row.clone()].iter().zip(&self.warped[plane][row]);
+                    let pairs =
+                        difference[plane][row.clone()].iter().zip(&self.reference[plane][row]);
                     for (difference, reference) in pairs {
                         let [d, r] = [difference, reference].map(|v| f64::from(*v) * scale);
                         energies.difference += d * d;
@@ -235,7 +249,7 @@ impl Inter {
 
     /// Multiplies the reference's coefficients by the factors of the age.
     fn predict(&mut self, geometry: &Geometry) {
-        let planes = self.warped.iter().zip(&mut self.predicted).zip(&FACTORS[self.says.age]);
+        let planes = self.reference.iter().zip(&mut self.predicted).zip(&FACTORS[self.says.age]);
         for ((warped, predicted), factors) in planes {
             for band in geometry.bands() {
                 let factor = i32::from(factors[band.rank()]);

@@ -7,6 +7,7 @@
 //! gives each bit's chance. It looks at coefficients coded before, at the decoded coarser picture, and at the
 //! render's own bands (`context`). All of it is integers: encoder and decoder agree on every processor.
 
+mod adaptive_bit;
 mod bits;
 mod block_cost;
 mod blocks;
@@ -15,6 +16,8 @@ mod coarser;
 pub(super) mod colour;
 mod context;
 mod decoder;
+mod displaced;
+mod displaced_choice;
 mod encoder;
 mod fineness;
 mod fixed;
@@ -35,12 +38,13 @@ mod render_value;
 mod small_blocks;
 mod small_blocks_choice;
 mod step;
+pub(super) mod sub_pixel;
 pub mod training;
 mod weights;
 
 pub use decoder::{Payload, WaveletDecoder};
+pub use displaced::Earlier;
 pub use encoder::WaveletEncoder;
 pub use geometry::Planes;
-pub(super) use lifting::FRACTION;
 pub(super) use rate::{FrameKind, RateEncoder};
 pub use step::{STEPS, Step};

@@ -113,7 +113,7 @@ impl Predictors {
     }
 
     pub fn of(&self, frame: &Frame) -> &Predictor {
-        if frame.is_inter { &self.inter } else { &self.intra }
+        if frame.inter_seen().is_some() { &self.inter } else { &self.intra }
     }
 }
 

@@ -8,9 +8,9 @@ use crate::packet::{Coder, Reference, Residual, residual_part_len};
 use super::super::interest::Interest;
 use super::super::rate::{Content, Rate, RateResult};
 use super::decoder::WaveletDecoder;
+use super::displaced::Earlier;
 use super::encoder::WaveletEncoder;
 use super::fineness::{Bracket, Fineness};
-use super::geometry::Planes;
 use super::inter::Pays;
 use super::step::Step;
 use crate::coder_tables::Tables;
@@ -24,6 +24,8 @@ const PSNR_SLACK: f64 = 0.05;
 const REFERENCE_BYTES: f64 = 2.0;
 /// Share of its bytes that an inter frame must save, if it is in doubt: an intra frame outlasts losses.
 const WORTH_INTER: f64 = 0.02;
+/// Share that displaced blocks must save beside the warped difference: what holds for one frame may not for the next.
+const WORTH_DISPLACED: f64 = 0.05;
 /// Payloads up to this length are also coded with the whole frame predicted from the render (docs/decisions.md, 26).
 const TIGHT: usize = 160;
 /// Small blocks of such payloads are chosen at this step: no byte more or less makes them others.
@@ -56,14 +58,25 @@ pub enum FrameKind<R> {
     Inter(R),
 }
 
-/// What a frame may be predicted from: a reference, and its planes, warped to the view.
-pub type InterSource<'a> = FrameKind<(Reference, &'a Planes)>;
+/// What a frame may be predicted from: a reference, and the frame that it names.
+pub type InterSource<'a> = FrameKind<(Reference, Earlier<'a>)>;
 
-/// When frames are coded both ways to see whether inter is better: less and less often as long as the answer stays.
+/// How a frame of a stream may be coded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    /// By itself.
+    Alone,
+    /// Predicted from the warped difference of an earlier frame.
+    Warped,
+    /// As that, with displaced blocks.
+    Displaced,
+}
+
+/// When frames are coded in all ways to see which is best: less and less often as long as the answer stays.
 #[derive(Default)]
 struct Trials {
-    /// Whether inter was better, and what the coefficients had told.
-    last: Option<(bool, Pays)>,
+    /// What was best, and what the coefficients had told of the warped difference.
+    last: Option<(Way, Pays)>,
     /// How often the answer stayed.
     streak: u32,
     /// Frames that are still to go by it.
@@ -71,18 +84,17 @@ struct Trials {
 }
 
 impl Trials {
-    /// Whether a frame is to be inter; `None`: try it.
-    fn answer(&mut self, pays: Pays) -> Option<bool> {
-        let (is_inter, told) = self.last?;
+    /// How a frame is to be coded; `None`: try it.
+    fn answer(&mut self, pays: Pays) -> Option<Way> {
+        let (way, told) = self.last?;
         let holds = told == pays && self.waiting > 0;
         self.waiting = self.waiting.saturating_sub(1);
-        holds.then_some(is_inter)
+        holds.then_some(way)
     }
 
     /// Takes what a trial came to.
-    fn learn(&mut self, pays: Pays, is_inter: bool) {
-        let same =
-            self.last.replace((is_inter, pays)).is_some_and(|(before, _)| before == is_inter);
+    fn learn(&mut self, pays: Pays, way: Way) {
+        let same = self.last.replace((way, pays)).is_some_and(|(before, _)| before == way);
         self.streak = if same { self.streak + 1 } else { 0 };
         self.waiting = (1 << self.streak.min(3)) - 1;
     }
@@ -202,42 +214,96 @@ impl RateEncoder {
     /// Takes a frame, and chooses whether it is inter. `rate`: of its payload. Returns the bytes that a frame of a
     /// stream takes more.
     fn set(&mut self, frame: &Picture, render: &Picture, rate: Rate, source: InterSource) -> usize {
-        let (reference, warped) = match source {
-            FrameKind::AllIntra => {
-                self.take(frame, render, None, rate);
-                return 0;
+        let (reference, earlier) = match source {
+            FrameKind::Inter((reference, earlier)) => (reference, earlier),
+            alone => {
+                self.take(frame, render, false, rate);
+                let is_stream = matches!(alone, FrameKind::Intra);
+                self.kind = if is_stream { FrameKind::Intra } else { FrameKind::AllIntra };
+                return if is_stream { Reference::encoded_len(None) } else { 0 };
             }
-            FrameKind::Intra => (None, None),
-            FrameKind::Inter((reference, warped)) => (Some(reference), Some(warped)),
         };
-        let mut pays = self.take(frame, render, warped, rate);
-        if pays != Pays::No {
-            let is_inter = self.trials.answer(pays).unwrap_or_else(|| {
-                let is_inter = self.is_better_inter(frame, render, rate);
-                self.trials.learn(pays, is_inter);
-                // The trial ended with the frame alone.
-                self.take(frame, render, warped, rate);
-                is_inter
-            });
-            if !is_inter {
-                self.take(frame, render, None, rate);
-                pays = Pays::No;
-            }
-        }
-        let reference = reference.filter(|_| pays != Pays::No);
+        let way = self.set_inter(frame, render, rate, &earlier);
+        let reference = (way != Way::Alone).then_some(reference);
         self.kind = reference.map_or(FrameKind::Intra, FrameKind::Inter);
         Reference::encoded_len(reference)
     }
 
-    /// Sets the encoder to a frame, and chooses its blocks for about the step that the rate asks for.
-    fn take(
+    /// Takes a frame that may be predicted from an earlier one, in the best way.
+    fn set_inter(
         &mut self,
         frame: &Picture,
         render: &Picture,
-        warped: Option<&Planes>,
         rate: Rate,
-    ) -> Pays {
-        let pays = self.encoder.set_inter(frame, render, self.portable, warped);
+        earlier: &Earlier,
+    ) -> Way {
+        self.encoder.set_earlier(frame, render, earlier, false);
+        let pays = self.take(frame, render, true, rate);
+        let way = self.trials.answer(pays).unwrap_or_else(|| {
+            let way = self.best_way(frame, render, rate, earlier, pays);
+            self.trials.learn(pays, way);
+            // The trial ended with the frame alone.
+            self.encoder.set_earlier(frame, render, earlier, false);
+            self.take(frame, render, true, rate);
+            way
+        });
+        let is_set = match way {
+            Way::Alone => pays == Pays::No,
+            Way::Warped => true,
+            Way::Displaced => false,
+        };
+        if is_set {
+            return if pays == Pays::No { Way::Alone } else { way };
+        }
+        let displaced =
+            way == Way::Displaced && self.encoder.set_earlier(frame, render, earlier, true);
+        if displaced && self.take(frame, render, true, rate) != Pays::No {
+            return way;
+        }
+        // Warped differences may pay if displaced blocks do not.
+        let is_inter = way == Way::Displaced && pays != Pays::No;
+        if displaced && is_inter {
+            self.encoder.set_earlier(frame, render, earlier, false);
+        }
+        let pays = self.take(frame, render, is_inter, rate);
+        if pays == Pays::No { Way::Alone } else { Way::Warped }
+    }
+
+    /// Codes a frame that was set to the warped difference in all ways.
+    fn best_way(
+        &mut self,
+        frame: &Picture,
+        render: &Picture,
+        rate: Rate,
+        earlier: &Earlier,
+        pays: Pays,
+    ) -> Way {
+        let fineness = self.guess(rate);
+        let mut best = (f64::INFINITY, Way::Alone);
+        if pays != Pays::No {
+            best = (self.price(frame, render, fineness), Way::Warped);
+        }
+        if self.encoder.set_earlier(frame, render, earlier, true)
+            && self.take(frame, render, true, rate) != Pays::No
+        {
+            let price = self.price(frame, render, fineness);
+            let worth_it = WORTH_DISPLACED * 8.0 * self.trial.payload.len() as f64;
+            if price + worth_it < best.0 {
+                best = (price, Way::Displaced);
+            }
+        }
+        if best.1 == Way::Alone {
+            return Way::Alone;
+        }
+        self.take(frame, render, false, rate);
+        let alone = self.price(frame, render, fineness);
+        let worth_it = WORTH_INTER * 8.0 * self.trial.payload.len() as f64;
+        if best.0 + 8.0 * REFERENCE_BYTES + worth_it < alone { best.1 } else { Way::Alone }
+    }
+
+    /// Sets the encoder to a frame, and chooses its blocks for about the step that the rate asks for.
+    fn take(&mut self, frame: &Picture, render: &Picture, inter: bool, rate: Rate) -> Pays {
+        let pays = self.encoder.set_inter(frame, render, self.portable, inter);
         if matches!(rate, Rate::Bytes(room) if room <= TIGHT) {
             self.encoder.choose_blocks(Step::new(TIGHT_STEP));
             return pays;
@@ -252,16 +318,6 @@ impl RateEncoder {
             before = Some(step);
         }
         pays
-    }
-
-    /// Codes the frame that was set both ways.
-    fn is_better_inter(&mut self, frame: &Picture, render: &Picture, rate: Rate) -> bool {
-        let fineness = self.guess(rate);
-        let inter = self.price(frame, render, fineness) + 8.0 * REFERENCE_BYTES;
-        self.take(frame, render, None, rate);
-        let alone = self.price(frame, render, fineness);
-        let worth_it = WORTH_INTER * 8.0 * self.trial.payload.len() as f64;
-        inter + worth_it < alone
     }
 
     /// About how finely a payload's rate asks for.
@@ -491,14 +547,13 @@ mod tests {
     #[test]
     fn an_answer_that_stays_is_asked_for_less_and_less_often() {
         let mut trials = Trials::default();
-        let mut tried = |frames: std::ops::Range<u32>, pays, is_inter| -> Vec<u32> {
-            let due = |_: &u32| {
-                trials.answer(pays).is_none().then(|| trials.learn(pays, is_inter)).is_some()
-            };
+        let mut tried = |frames: std::ops::Range<u32>, pays, way| -> Vec<u32> {
+            let due =
+                |_: &u32| trials.answer(pays).is_none().then(|| trials.learn(pays, way)).is_some();
             frames.filter(due).collect()
         };
-        assert_eq!(tried(0..32, Pays::Yes, true), [0, 1, 3, 7, 15, 23, 31]);
+        assert_eq!(tried(0..32, Pays::Yes, Way::Warped), [0, 1, 3, 7, 15, 23, 31]);
         // The coefficients tell something else.
-        assert_eq!(tried(32..40, Pays::Perhaps, false), [32, 33, 35, 39]);
+        assert_eq!(tried(32..40, Pays::Perhaps, Way::Alone), [32, 33, 35, 39]);
     }
 }

@@ -5,8 +5,9 @@
 //! low band alone. The choice acts on wavelet coefficients, whose pictures overlap, and fades a little into the blocks
 //! beside: no seam shows.
 
+use super::adaptive_bit::{AdaptiveBit, Price};
 use super::geometry::{Geometry, Orientation};
-use crate::range_coder::{EVEN, Probability, RangeDecoder, RangeEncoder};
+use crate::range_coder::{Bits, EVEN};
 
 /// The weight of a coefficient that is predicted from the render's as it is.
 pub const FULL: u8 = 16;
@@ -14,8 +15,6 @@ pub const FULL: u8 = 16;
 const LEVELS: [usize; GRIDS] = [3, 4];
 /// Grids that there are.
 pub const GRIDS: usize = 2;
-/// Chance of what no encoder writes yet: a prediction of another kind follows.
-const OTHER: Probability = 1 << 10;
 
 /// Blocks of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,41 +82,21 @@ impl SmallBlocks {
         self.plain[..plain.len()].copy_from_slice(plain);
     }
 
-    pub fn write(&self, encoder: &mut RangeEncoder) {
-        encoder.put(false, OTHER);
-        encoder.put(self.grid > 0, EVEN);
+    /// Codes the grid and its blocks.
+    pub fn code(&mut self, coder: &mut impl Bits) {
+        self.grid = usize::from(coder.bit(EVEN, self.grid > 0));
         let mut chances = Chances::new();
         for at in 0..self.used().len() {
-            let chance = chances.of(self.used(), &self.plain, at);
-            encoder.put(self.plain[at], chance.one());
-            chance.learn(self.plain[at]);
+            let chance = chances.of(self.used(), |at| self.plain[at], at);
+            self.plain[at] = chance.code(coder, self.plain[at]);
         }
     }
 
-    pub fn read(&mut self, decoder: &mut RangeDecoder) -> Option<()> {
-        if decoder.get(OTHER)? {
-            return None;
-        }
-        self.grid = usize::from(decoder.get(EVEN)?);
-        let mut chances = Chances::new();
-        for at in 0..self.used().len() {
-            let chance = chances.of(self.used(), &self.plain, at);
-            self.plain[at] = decoder.get(chance.one())?;
-            chance.learn(self.plain[at]);
-        }
-        Some(())
-    }
-
-    /// Bits that [`SmallBlocks::write`] takes.
-    pub fn bits(&self) -> f64 {
-        let mut chances = Chances::new();
-        let blocks = (0..self.used().len()).map(|at| {
-            let chance = chances.of(self.used(), &self.plain, at);
-            let one = f64::from(chance.one()) / 65_536.0;
-            chance.learn(self.plain[at]);
-            -libm::log2(if self.plain[at] { one } else { 1.0 - one })
-        });
-        1.0 + blocks.sum::<f64>()
+    /// Bits that they take.
+    pub fn bits(&mut self) -> f64 {
+        let mut price = Price::default();
+        self.code(&mut price);
+        price.0
     }
 
     /// Sets the weights of all detail coefficients, by their places in a transformed plane.
@@ -159,38 +138,20 @@ impl SmallBlocks {
     }
 }
 
-/// The chance that a block is plain, by how many of those to its left and above are.
-struct Chances([Chance; 3]);
+/// The chance that a block is of a kind, by how many of those to its left and above are.
+pub struct Chances([AdaptiveBit; 3]);
 
 impl Chances {
-    fn new() -> Chances {
-        let chance = |plain, all| Chance { plain, all };
-        Chances([chance(1, 8), chance(2, 4), chance(7, 8)])
+    pub fn new() -> Chances {
+        Chances([AdaptiveBit::new(1, 8), AdaptiveBit::new(2, 4), AdaptiveBit::new(7, 8)])
     }
 
-    fn of(&mut self, grid: Grid, plain: &[bool], at: usize) -> &mut Chance {
+    /// That of the block at a place. `is`: whether those before it are of the kind.
+    pub fn of(&mut self, grid: Grid, is: impl Fn(usize) -> bool, at: usize) -> &mut AdaptiveBit {
         let [left, above, ..] = grid.beside(at);
         // At an edge the other one counts twice.
-        let count = |block: Option<usize>| block.map_or(0, |block| usize::from(plain[block]));
+        let count = |block: Option<usize>| block.map_or(0, |block| usize::from(is(block)));
         &mut self.0[count(left.or(above)) + count(above.or(left))]
-    }
-}
-
-struct Chance {
-    plain: u32,
-    all: u32,
-}
-
-impl Chance {
-    /// Never so sure that a block of the other kind takes more than seven bits.
-    fn one(&self) -> Probability {
-        let chance = 65_536 * u64::from(self.plain) / u64::from(self.all);
-        chance.clamp(1 << 9, 65_536 - (1 << 9)) as Probability
-    }
-
-    fn learn(&mut self, plain: bool) {
-        self.plain += u32::from(plain);
-        self.all += 1;
     }
 }
 
@@ -204,7 +165,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::range_coder::Tail;
+    use crate::range_coder::{RangeEncoder, WholeReader};
 
     fn blocks(size: (u32, u32), grid: usize, plain: &[bool]) -> (Geometry, SmallBlocks) {
         let geometry = Geometry::new(size.0, size.1);
@@ -225,14 +186,14 @@ mod tests {
             grid in 0..GRIDS,
             plain in proptest::collection::vec(any::<bool>(), 1..200),
         ) {
-            let (geometry, blocks) = blocks(size, grid, &plain);
+            let (geometry, mut blocks) = blocks(size, grid, &plain);
             let mut bytes = Vec::new();
             let mut encoder = RangeEncoder::new(&mut bytes, 1000);
-            blocks.write(&mut encoder);
+            blocks.code(&mut encoder);
             prop_assert!(encoder.finish());
             prop_assert!(bytes.len() as f64 <= blocks.bits() / 8.0 + 2.0);
             let mut read = SmallBlocks::new(&geometry);
-            prop_assert!(read.read(&mut RangeDecoder::new(&bytes, Tail::Zeros)).is_some());
+            read.code(&mut WholeReader::new(&bytes));
             let len = read.used().len();
             prop_assert_eq!(read.grid, grid);
             prop_assert_eq!(&read.plain[..len], &blocks.plain[..len]);
@@ -242,7 +203,7 @@ mod tests {
         fn any_bytes_are_blocks_or_none(size in any_size(), bytes: Vec<u8>) {
             let geometry = Geometry::new(size.0, size.1);
             let mut blocks = SmallBlocks::new(&geometry);
-            let _ = blocks.read(&mut RangeDecoder::new(&bytes, Tail::Unknown));
+            blocks.code(&mut WholeReader::new(&bytes));
             let mut weights = vec![FULL; geometry.len()];
             blocks.weigh(&geometry, &mut weights);
             prop_assert!(weights.iter().all(|weight| *weight <= FULL));

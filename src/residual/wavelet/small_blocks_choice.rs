@@ -134,7 +134,7 @@ fn visit(
 }
 
 /// Bits of a coefficient, or what its error is worth if it is not coded; as a feature.
-fn cost(lifted: i32, scale: i64) -> i64 {
+pub fn cost(lifted: i32, scale: i64) -> i64 {
     let size = ((i64::from(lifted) * scale) >> 16).unsigned_abs().min(1 << 24) as u32;
     if size < CODED {
         (i64::from(size * size) * ERROR) >> 10

@@ -4,7 +4,7 @@ use nvsprior::Picture;
 use nvsprior::coder_tables::Tables;
 use nvsprior::random::Random;
 use nvsprior::residual::wavelet::training::{Pays, Sampler};
-use nvsprior::residual::wavelet::{Planes, Step};
+use nvsprior::residual::wavelet::{Earlier, Planes, Step, WaveletEncoder};
 use nvsprior::residual::{Viewpoint, difference, warp};
 use rayon::prelude::*;
 
@@ -81,16 +81,13 @@ fn collect(
     let mirrored = random.bits().is_multiple_of(2);
     let light = vary::Light::some(random);
     let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
-    let mut before: Option<(Picture, Viewpoint)> = None;
+    let mut before: Option<Shown> = None;
     for frame in chain.iter().step_by(distance) {
         let mut frame = if mirrored { frame.mirrored() } else { frame.clone() };
         light.apply(&mut frame.picture);
-        let reference = before.as_ref().map(|(difference, from)| {
-            warp(difference, from, &frame.viewpoint, &frame.depths, &mut warped);
-            &warped
-        });
         let encoder = sampler.encoder();
-        let pays = encoder.set_inter(&frame.picture, &frame.render, true, reference);
+        let is_inter = set_earlier(encoder, &frame, before.as_ref(), &mut warped);
+        let pays = encoder.set_inter(&frame.picture, &frame.render, true, is_inter);
         let first = collector.examples.len();
         sampler.visit(step, |sample| {
             if pays != Pays::No {
@@ -100,9 +97,37 @@ fn collect(
         collector.even_out(first);
         let mut shown = frame.render.clone();
         sampler.encoder().add_to(&mut shown);
-        before = Some((difference(&shown, &frame.render), frame.viewpoint));
+        before = Some(Shown::new(shown, &frame));
     }
     collector.examples
+}
+
+/// A frame as it was shown, for later ones to be predicted from.
+struct Shown {
+    picture: Picture,
+    difference: Picture,
+    viewpoint: Viewpoint,
+}
+
+impl Shown {
+    fn new(picture: Picture, frame: &RunFrame) -> Shown {
+        let difference = difference(&picture, &frame.render);
+        Shown { picture, difference, viewpoint: frame.viewpoint }
+    }
+}
+
+/// Sets what a frame is predicted from. Whether there is anything.
+fn set_earlier(
+    encoder: &mut WaveletEncoder,
+    frame: &RunFrame,
+    before: Option<&Shown>,
+    warped: &mut Planes,
+) -> bool {
+    let Some(Shown { picture, difference, viewpoint }) = before else { return false };
+    warp(difference, viewpoint, &frame.viewpoint, &frame.depths, warped);
+    let earlier = Earlier { warped, shown: picture };
+    encoder.set_earlier(&frame.picture, &frame.render, &earlier, false);
+    true
 }
 
 impl RunFrame {
@@ -133,15 +158,11 @@ pub fn measure_stream(
     let mut sampler = Sampler::new(width, height, &Tables::generic()).with_stream(tables);
     let mut bytes = Vec::with_capacity(8 * run[0].picture.data.len() + 64);
     let mut warped: Planes = std::array::from_fn(|_| vec![0; (width * height) as usize]);
-    let mut before: Option<(Picture, Viewpoint)> = None;
+    let mut before: Option<Shown> = None;
     let (mut sum, mut psnr, mut count) = (0.0, 0.0, 0.0);
     for frame in run.iter().step_by(distance) {
-        let reference = before.as_ref().map(|(difference, from)| {
-            warp(difference, from, &frame.viewpoint, &frame.depths, &mut warped);
-            &warped
-        });
-        let inter = reference.is_some();
-        sampler.encoder().set_inter(&frame.picture, &frame.render, true, reference);
+        let inter = set_earlier(sampler.encoder(), frame, before.as_ref(), &mut warped);
+        sampler.encoder().set_inter(&frame.picture, &frame.render, true, inter);
         sampler.encoder().encode(step, &mut bytes);
         let mut shown = frame.render.clone();
         sampler.encoder().add_to(&mut shown);
@@ -150,7 +171,7 @@ pub fn measure_stream(
             psnr += shown.psnr(&frame.picture);
             count += 1.0;
         }
-        before = Some((difference(&shown, &frame.render), frame.viewpoint));
+        before = Some(Shown::new(shown, frame));
     }
     (sum / f64::max(count, 1.0), psnr / f64::max(count, 1.0))
 }
