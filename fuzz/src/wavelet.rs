@@ -62,7 +62,9 @@ pub fn run(input: &[u8]) {
         Ok(()) => {}
         // A payload is refused that looks at another render, or at an earlier frame. Nothing is drawn then.
         Err(ResidualError::OtherRender) => assert!(!portable && shown == render),
-        Err(ResidualError::Payload(_)) => assert!(!start && coder == Coder::SmallBlocks && shown == render),
+        Err(ResidualError::Payload(_)) => {
+            assert!(!start && coder == Coder::SmallBlocks && shown == render)
+        }
         Err(other) => panic!("{other}"),
     }
     // What was decoded before must not show. A decoder takes long to make, so one input in 256 is compared.

@@ -245,7 +245,6 @@ fn residuals(dive: &Dive) -> Vec<Vector> {
         part(6, &[0b0001_1000, 0x31, 0x77]),
         part(6, &[0b0000_0111, 0x02, 1, 2, 1, 9, 9]),
         part(6, &[0b0000_0100, 0x0F, 0x80, 0x80, 0x80, 0, 0]),
-        part(2, &[1, 2]),
         part(4, &[]),
     ];
     let many = |packets: Vec<Vec<u8>>| [vec![key.clone()], packets].concat();
@@ -255,12 +254,17 @@ fn residuals(dive: &Dive) -> Vec<Vector> {
             "one bit of a residual part; that of another packet; an endless length",
             many(damaged.chain([swapped, endless, own.clone()]).collect()),
         ),
+        Vector::packets(
+            "bad-contents",
+            "residual parts with right checks and odd contents",
+            many(contents),
+        ),
         Vector {
             needs: &["webp"],
             ..Vector::packets(
-                "bad-contents",
-                "residual parts with right checks and odd contents",
-                many(contents),
+                "webp-bad",
+                "VP8 payloads that are none",
+                many(vec![part(2, &[1, 2]), part(2, &[0; 40]), part(3, b"RIFF")]),
             )
         },
     ]

@@ -164,9 +164,19 @@ impl Dive {
         count: u32,
         change: fn(Picture) -> Picture,
     ) -> Vec<Encoded> {
+        self.encoded_of(camera, options, count, |t| change(self.seen(camera, t)))
+    }
+
+    /// The same of other pictures.
+    pub fn encoded_of(
+        &self,
+        camera: &Camera,
+        options: EncoderOptions,
+        count: u32,
+        seen: impl Fn(u32) -> Picture,
+    ) -> Vec<Encoded> {
         let mut encoder = Encoder::new(&engine(), &self.scene(), camera, options).unwrap();
-        let frame = |t: u32| change(self.seen(camera, t));
-        (0..count).map(|t| encoder.encode(&frame(t), pose(t)).unwrap()).collect()
+        (0..count).map(|t| encoder.encode(&seen(t), pose(t)).unwrap()).collect()
     }
 }
 

@@ -40,6 +40,10 @@ fn streams(dive: &Dive) -> Vec<Vector> {
         4 => crate::bad::rechecked([&[0xB7][..], &packet[1..]].concat()),
         _ => packet.clone(),
     };
+    let displaced = displaced(dive);
+    let starts = displaced.iter().skip(1).zip([23, 26, 30, 60]);
+    let starts = starts.map(|(packet, len)| packet[..len.min(packet.len())].to_vec());
+    let cut_displaced = displaced.iter().cloned().chain(starts).collect();
     let late = [0, 2, 1, 3].map(|place| layered[place].clone()).to_vec();
     vec![
         Vector::packets("stream-chain", "a chain: each frame from the one before", chained.clone()),
@@ -73,6 +77,15 @@ fn streams(dive: &Dive) -> Vec<Vector> {
             "a chain of a device that is not portable",
             chained.iter().map(foreign).collect(),
         ),
+        Vector::packets("stream-displaced", "frames with displaced blocks", displaced.clone()),
+        Vector {
+            kind: Kind::Packets { trust: Trust::Start },
+            ..Vector::packets(
+                "stream-displaced-cut",
+                "starts of packets with displaced blocks",
+                cut_displaced,
+            )
+        },
         Vector::packets("stream-truth", "a chain with truth maps", mapped),
     ]
 }
@@ -101,6 +114,32 @@ fn littered_packets(dive: &Dive, rate: Rate, count: u32) -> Vec<Vec<u8>> {
 fn has_predicted_map(packet: &[u8]) -> bool {
     let truth = nvsprior::Packet::salvage(packet).unwrap().truth;
     truth.is_some_and(|map| map[0] & 0x10 != 0)
+}
+
+/// A textured object that the prior does not know: it stands far in front of the wall, so it moves much.
+fn passing(dive: &Dive, camera: &Camera, t: u32) -> Picture {
+    let mut picture = dive.seen(camera, t);
+    let width = picture.width as usize;
+    for (i, rgb) in picture.data.chunks_exact_mut(3).enumerate() {
+        let (x, y) = ((i % width) as u32 + 5 * t, (i / width) as u32 + t);
+        if (70..140).contains(&x) && (20..80).contains(&y) {
+            let light = 60 + (x * x * 3 + y * 7 * x + y * y * 11) / 8 % 120;
+            rgb.copy_from_slice(&[light as u8, (light / 2 + x) as u8, (200 - light) as u8]);
+        }
+    }
+    picture
+}
+
+/// A stream whose frames have displaced blocks.
+fn displaced(dive: &Dive) -> Vec<Vec<u8>> {
+    let camera = Camera { width: 150, height: 90, fx: 120.0, fy: 121.0, cx: 75.0, cy: 45.5 };
+    let mode = Mode::Stream(Structure::Chain { key_every: 0 });
+    let rate = Some(Rate::Quality(45.0));
+    let options = EncoderOptions { rate, mode, truth: true, ..EncoderOptions::default() };
+    dive.encoded_of(&camera, options, 6, |t| passing(dive, &camera, t))
+        .into_iter()
+        .map(|encoded| encoded.packet)
+        .collect()
 }
 
 fn truths(dive: &Dive) -> Vec<Vector> {

@@ -1,1 +1,1 @@
-"""A second decoder of the packet format, written from docs/format.md alone. Slow and short: numpy, no other package."""
+"""A second decoder of the packet format, by docs/format.md, without code of the library. Slow and short: only numpy."""

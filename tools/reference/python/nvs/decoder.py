@@ -139,7 +139,7 @@ class Decoder:
         if residual.coder in ("vp8", "webp"):
             decoded.damage = "coder-missing"
             return False
-        warped = None
+        earlier = None
         if residual.is_stream and residual.reference:
             if not latent.portable:
                 decoded.damage = "other-render"
@@ -148,8 +148,8 @@ class Decoder:
             if kept is None:
                 decoded.damage = "reference-missing"
                 return False
-            warped = warp(kept, self.view.camera, placement, depths, ROTATION)
-        coding = Frame(drawn, self.tables, self.inter_tables, warped)
+            earlier = warp(kept, self.view.camera, placement, depths, ROTATION), kept["shown"]
+        coding = Frame(drawn, self.tables, self.inter_tables, earlier)
         difference = coding.decode(residual.payload, is_start, residual.small, latent.portable)
         if isinstance(difference, str):
             decoded.damage = difference

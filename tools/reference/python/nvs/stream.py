@@ -48,7 +48,8 @@ class References:
         difference = np.clip(shown.astype(np.int64) - render, -128, 127) + 128
         numbers = [*camera.tuple()[2:], *map(float, placement[0]), *map(float, placement[1])]
         check = crc32(struct.pack("<11f", *numbers), difference.astype(np.uint8).tobytes())
-        kept = {"frame": frame, "tag": (check ^ check >> 16) & 0xFFFF, "placement": placement, "difference": difference}
+        kept = {"frame": frame, "tag": (check ^ check >> 16) & 0xFFFF, "placement": placement,
+                "difference": difference, "shown": shown}
         for i, other in enumerate(self.kept):
             if (other["frame"] - frame) % 65536 == 0:
                 self.kept[i] = kept
@@ -67,6 +68,21 @@ def matrix(q):
     return [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
             [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]
+
+
+def sample(picture, column, part_x, row, part_y):
+    """How far a picture is from 128 at places between its pixels, 6 binary places."""
+    height, width = picture.shape[:2]
+    part_x, part_y = np.broadcast_to(part_x, column.shape), np.broadcast_to(part_y, column.shape)
+    total = np.zeros((*column.shape, 3), np.int64)
+    for k in range(4):
+        along = np.zeros_like(total)
+        r = np.clip(row - 1 + k, 0, height - 1)
+        for i in range(4):
+            c = np.clip(column - 1 + i, 0, width - 1)
+            along += WEIGHTS[part_x, i][:, :, None] * (picture[r, c].astype(np.int64) - 128)
+        total += WEIGHTS[part_y, k][:, :, None] * along
+    return total + 2048 >> 12
 
 
 def warp(kept, camera, placement, depths, rotation):
@@ -89,13 +105,6 @@ def warp(kept, camera, placement, depths, rotation):
         n = np.where(seen, (at + 1) * 64 + 0.5, 64).astype(np.int64)
         places.append((n // 64 - 1, n % 64))
     (column, part_x), (row, part_y) = places
-    total = np.zeros((height, width, 3), np.int64)
-    for k in range(4):
-        along = np.zeros_like(total)
-        r = np.clip(row - 1 + k, 0, height - 1)
-        for i in range(4):
-            c = np.clip(column - 1 + i, 0, width - 1)
-            along += WEIGHTS[part_x, i][:, :, None] * (kept["difference"][r, c] - 128)
-        total += WEIGHTS[part_y, k][:, :, None] * along
-    value = np.where(seen[:, :, None], total + 2048 >> 12, 0)
+    found = sample(kept["difference"], column, part_x, row, part_y)
+    value = np.where(seen[:, :, None], found, 0)
     return (np.einsum("pc,hwc->phw", rotation, value) + 8192 >> 14).astype(np.int32)

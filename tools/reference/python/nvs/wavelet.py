@@ -3,7 +3,8 @@
 import numpy as np
 
 from .bits import RangeDecoder, Unknown, exp
-from .stream import FACTORS
+from .stream import FACTORS, sample
+from .update import Signed
 
 I32 = np.int32
 ROTATION = np.array([[9242, 10501, 8529], [12798, -3439, -9634], [4384, -12097, 10143]], np.int64)
@@ -164,21 +165,92 @@ def read_blocks(decoder, geometry):
     return np.array(blocks, bool).reshape(geometry.rows, geometry.columns)
 
 
+class BlockChances:
+    """The chance that a block is of a kind, by those left and above."""
+
+    def __init__(self):
+        self.chances = [[1, 8], [2, 4], [7, 8]]
+
+    def bit(self, decoder, kinds, x, y):
+        left, above = kinds[y, x - 1] if x else None, kinds[y - 1, x] if y else None
+        beside = [int(v) for v in (left, above) if v is not None]
+        chance = self.chances[sum(beside) * (2 // len(beside))] if beside else self.chances[0]
+        bit = decoder.bit(min(max(65536 * chance[0] // chance[1], 512), 65024))
+        chance[0], chance[1] = chance[0] + bit, chance[1] + 1
+        return bit
+
+
+class DisplacedBlocks:
+    """docs/format/stream.md, "Displaced blocks"."""
+
+    def __init__(self, width, height, decoder):
+        self.width, self.height = width, height
+        self.size = columns, rows = max(width // 16, 1), max(height // 16, 1)
+        self.is_displaced, self.is_none = np.zeros((rows, columns), bool), np.zeros((rows, columns), bool)
+        self.by, last = {}, (0, 0)
+        displaced, none, apart = BlockChances(), BlockChances(), [Signed(4), Signed(4)]
+        for y in range(rows):
+            for x in range(columns):
+                if displaced.bit(decoder, self.is_displaced, x, y):
+                    guess = self._guess(x, y, last)
+                    last = tuple(min(max(g + a.read(decoder), -1023), 1023) for g, a in zip(guess, apart))
+                    self.is_displaced[y, x], self.by[x, y] = True, last
+                else:
+                    self.is_none[y, x] = none.bit(decoder, self.is_none, x, y)
+
+    def _guess(self, x, y, last):
+        near = [self.by[at] for at in ((x - 1, y), (x, y - 1), (x + 1, y - 1)) if at in self.by]
+        if len(near) == 3:
+            return [sorted(v)[1] for v in zip(*near)]
+        return near[0] if near else last
+
+    def compose(self, warped, shown, render):
+        """What the frame is predicted from."""
+        total = np.zeros(warped.shape, np.int64)
+        here = render.astype(np.int64) - 128 << 6
+        for y in range(self.size[1]):
+            for x in range(self.size[0]):
+                if self.is_none[y, x]:
+                    continue
+                columns, across = self._weights(x, self.size[0], self.width)
+                rows, down = self._weights(y, self.size[1], self.height)
+                place = np.ix_(rows, columns)
+                if (x, y) in self.by:
+                    right, below = self.by[x, y]
+                    c, r = np.meshgrid(columns + (right >> 2), rows + (below >> 2))
+                    there = sample(shown, c, 16 * (right & 3), r, 16 * (below & 3))
+                    value = np.einsum("pc,hwc->phw", ROTATION, there - here[place]) + 8192 >> 14
+                else:
+                    value = warped[:, rows[:, None], columns]
+                total[:, rows[:, None], columns] += down[:, None] * across * value
+        return (total + 128 >> 8).astype(I32)
+
+    @staticmethod
+    def _weights(at, count, side):
+        """Places along an axis where a block counts, and its weights."""
+        start, end = 16 * at, side if at + 1 == count else 16 * at + 16
+        places = np.arange(max(start - 4, 0), end if end == side else end + 4)
+        table = np.array([1, 3, 5, 7, 9, 11, 13, 15, 16])
+        left = table[np.clip(places - start + 4, 0, 8)] if start else 16
+        right = table[np.clip(end - 1 - places + 4, 0, 8)] if end < side else 16
+        return places, np.broadcast_to(np.minimum(left, right), places.shape)
+
+
 class Frame:
     """A payload on its way to a difference."""
 
-    def __init__(self, render, tables, inter_tables, warped):
+    def __init__(self, render, tables, inter_tables, earlier):
         self.render = render
         self.geometry = Geometry(render.shape[1], render.shape[0])
-        self.is_inter = warped is not None
-        self.tables = inter_tables if self.is_inter else tables
-        self.warped = warped
+        self.is_inter, self.displaced = earlier is not None, None
+        self.all_tables, self.earlier = (tables, inter_tables), earlier
 
     def decode(self, payload, cut, small_blocks, portable):
-        """The difference of a payload, (h, w, 3); None: it adds nothing. "other-render": it needs another render."""
+        """The difference of a payload, (h, w, 3); None: it adds nothing. A text: what is wrong with it."""
         self.decoder = decoder = RangeDecoder(payload, cut)
         try:
-            self._header(small_blocks)
+            if not self._header(small_blocks):
+                return None if cut else "payload"
             if (not self.blind or self.is_inter) and not portable:
                 return "other-render"
             if self.was_cut:
@@ -186,6 +258,8 @@ class Frame:
             self.prediction = self._inter() if self.is_inter else None
         except Unknown:
             return None
+        self.sees_prediction = self.is_inter and self.displaced is None
+        self.tables = self.all_tables[self.sees_prediction]
         self._prepare()
         self._run()
         planes = self.decoded
@@ -200,16 +274,25 @@ class Frame:
         return to_colours(planes)
 
     def _header(self, small_blocks):
+        """False: it has displaced blocks, and no reference."""
         decoder, geometry = self.decoder, self.geometry
         self.was_cut, self.blind, low_plain = decoder.bit(16384), decoder.bit(2048), decoder.bit(2048)
         self.step = decoder.plain(6)
         self.finest = [decoder.plain(3) for _ in range(3)]
         blocks = np.ones((geometry.rows, geometry.columns), bool)
-        self.all_predicted = not low_plain and not small_blocks
         h, w = self.render.shape[:2]
         self.weights = np.full((h, w), 16, np.int64)
+        has_fine = small_blocks
+        if has_fine and decoder.bit(1024):
+            if not self.is_inter:
+                return False
+            self.displaced = DisplacedBlocks(w, h, decoder)
+            small_blocks = decoder.plain(1)
+        self.all_predicted = not low_plain and not small_blocks
         if small_blocks:
             self._small_blocks()
+        elif has_fine:
+            pass
         elif decoder.bit(4096):
             blocks = read_blocks(decoder, geometry)
             self.all_predicted &= bool(blocks.all())
@@ -225,23 +308,22 @@ class Frame:
                     known[band.place] = self.weights[band.place] == 16
                 else:
                     known[band.place] = blocks[band.block(geometry.levels - band.level, *geometry.sizes[-1])]
+        if not self.blind and self.displaced:
+            for band in geometry.bands():
+                if band.level <= 4:
+                    is_displaced = self.displaced.is_displaced[band.block(4 - band.level, *self.displaced.size)]
+                    known[band.place] &= ~is_displaced
         self.known = known
+        return True
 
     def _small_blocks(self):
         decoder, geometry = self.decoder, self.geometry
-        if decoder.bit(1024):
-            raise Unknown
         level = min(3 + decoder.plain(1), geometry.levels)
         columns, rows = geometry.sizes[level]
-        chances = [[1, 8], [2, 4], [7, 8]]
-        plain = np.zeros((rows, columns), int)
+        chances, plain = BlockChances(), np.zeros((rows, columns), int)
         for y in range(rows):
             for x in range(columns):
-                left, above = plain[y, x - 1] if x else None, plain[y - 1, x] if y else None
-                beside = [v for v in (left, above) if v is not None]
-                chance = chances[sum(beside) * (2 // len(beside))] if beside else chances[0]
-                plain[y, x] = decoder.bit(min(max(65536 * chance[0] // chance[1], 512), 65024))
-                chance[0], chance[1] = chance[0] + plain[y, x], chance[1] + 1
+                plain[y, x] = chances.bit(decoder, plain, x, y)
         d = 1 - plain
         wide = np.pad(d, 1, mode="edge")
         around = wide[1:-1, :-2] + wide[1:-1, 2:] + wide[:-2, 1:-1] + wide[2:, 1:-1]
@@ -266,7 +348,9 @@ class Frame:
         blocks = np.ones((geometry.rows, geometry.columns), bool)
         if decoder.bit(8192):
             blocks = read_blocks(decoder, geometry)
-        planes = self.warped.copy()
+        planes = self.earlier[0].copy()
+        if self.displaced:
+            planes = self.displaced.compose(*self.earlier, self.render)
         transformed(planes, geometry)
         for p in range(3):
             for band in geometry.bands():
@@ -446,7 +530,7 @@ class Coding:
     def _pictures(self):
         frame, band, plane, out, signs = self.frame, self.band, self.plane, self.pictures, self.signs
         h, w = band.height, band.width
-        if frame.is_inter:
+        if frame.sees_prediction:
             factor = frame.per_unit(band.norm)
             ahead = in_steps(frame.prediction[plane][band.place], factor)
             out[:, :, 0] = bound(size(ahead))
