@@ -96,8 +96,9 @@ ageing:
 # The unit tests, and the integration tests that need no device or few frames.
 quick:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test definition --test encode_decode \
-		--test fuzz_corpus --test modem_link --test modules --test prior_formats --test search --test stream --test wavelet
+	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test conformance --test definition \
+		--test encode_decode --test fuzz_corpus --test modem_link --test modules --test prior_formats --test search \
+		--test stream --test wavelet
 
 test:
 	@scripts/setup.sh run test
