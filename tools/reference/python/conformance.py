@@ -1,5 +1,8 @@
 #!/usr/bin/env python3
-"""Checks this decoder against the vectors of tests/vectors. Usage: conformance.py [NAME...] [--verbose]"""
+"""Checks this decoder against the vectors of tests/vectors. Usage: conformance.py [NAME...] [--verbose] [--unpack DIR]
+
+--unpack: writes the records as files, DIR/NAME/0000.nvsp and so on, for programs that read such.
+"""
 
 import argparse
 import hashlib
@@ -129,15 +132,26 @@ def faults(vector, records):
         yield "pictures differ"
 
 
+def unpack(vector, folder):
+    folder.mkdir(parents=True, exist_ok=True)
+    for place, record in enumerate(records_of((VECTORS / vector["input_file"]).read_bytes())):
+        ending = "nvsu" if record[:4] == b"nvsu" else "nvsp"
+        (folder / f"{place:04}.{ending}").write_bytes(record)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*")
     parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--unpack", type=Path)
     args = parser.parse_args()
     suite = json.loads((VECTORS / "nvsprior.json").read_text())
     passed = failed = skipped = 0
     for vector in suite["test_vectors"]:
         if args.names and vector["name"] not in args.names:
+            continue
+        if args.unpack:
+            unpack(vector, args.unpack / vector["name"])
             continue
         if "webp" in vector.get("needs", []):
             skipped += 1
@@ -152,6 +166,8 @@ def main():
         passed, failed = passed + (not wrong), failed + bool(wrong)
         for line in wrong if args.verbose else wrong[:2]:
             print(f"{vector['name']}: {line}")
+    if args.unpack:
+        return 0
     print(f"{passed} of {passed + failed + skipped} vectors passed, {failed} failed, {skipped} not supported")
     return 1 if failed else 0
 
