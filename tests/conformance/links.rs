@@ -188,7 +188,9 @@ fn protected(dive: &Dive) -> Vec<Vector> {
 }
 
 fn predicted(dive: &Dive) -> Vec<Vector> {
-    let packets = crate::streams::predicted(dive, 7);
+    let packets = crate::streams::predicted(dive, Some(Rate::Quality(25.0)), 7);
+    let bare = crate::streams::predicted(dive, None, 7);
+    let bare = bare.iter().flat_map(|packet| shared(packet, &USUAL)).collect();
     let frames = |budget| -> Vec<Vec<u8>> {
         let of = |packet: &Vec<u8>| shared(packet, &Protected { budget, ..USUAL });
         packets.iter().flat_map(of).collect()
@@ -200,6 +202,12 @@ fn predicted(dive: &Dive) -> Vec<Vector> {
             "packets in the predicted form, in protected shares",
             kind(),
             frames(700),
+        ),
+        link(
+            "shares-predicted-bare",
+            "packets in the predicted form without a residual",
+            kind(),
+            bare,
         ),
         link("shares-predicted-cut", "their ends are not sent", kind(), frames(110)),
     ]

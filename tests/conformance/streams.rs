@@ -53,6 +53,11 @@ fn streams(dive: &Dive) -> Vec<Vector> {
             layered.clone(),
         ),
         Vector::packets(
+            "stream-twice",
+            "each packet of a chain comes twice",
+            chained.iter().flat_map(|packet| [packet.clone(), packet.clone()]).collect(),
+        ),
+        Vector::packets(
             "stream-losses",
             "a chain with losses: no frame is predicted from what is missing",
             without(&chained, &[2, 3, 6]),
@@ -184,12 +189,8 @@ fn truths(dive: &Dive) -> Vec<Vector> {
 }
 
 /// Packets of which some state their poses as what they differ by from earlier ones.
-pub fn predicted(dive: &Dive, count: u32) -> Vec<Vec<u8>> {
-    let options = EncoderOptions {
-        rate: Some(Rate::Quality(25.0)),
-        truth: true,
-        ..EncoderOptions::default()
-    };
+pub fn predicted(dive: &Dive, rate: Option<Rate>, count: u32) -> Vec<Vec<u8>> {
+    let options = EncoderOptions { rate, truth: true, ..EncoderOptions::default() };
     let frames = dive.encoded(options, count);
     let mut held = HeldPoses::default();
     let mut packets = Vec::new();
@@ -216,7 +217,7 @@ pub fn predicted(dive: &Dive, count: u32) -> Vec<Vec<u8>> {
 }
 
 fn poses(dive: &Dive) -> Vec<Vector> {
-    let packets = predicted(dive, 8);
+    let packets = predicted(dive, Some(Rate::Quality(25.0)), 8);
     let first = packets.iter().position(|packet| packet[0] >> 4 == 8).unwrap();
     let damaged = |place: usize, bit: usize| {
         let mut packet = packets[place].clone();
