@@ -9,7 +9,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 .PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check \
-	shader-toolchain gpu-check device-report clean paper-test setup-test
+	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -22,6 +22,8 @@ help:
 	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           all tests"
+	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
+	@echo "make vectors        makes these vectors anew"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
 	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
@@ -94,12 +96,21 @@ ageing:
 # The unit tests, and the integration tests that need no device or few frames.
 quick:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test definition --test encode_decode \
-		--test fuzz_corpus --test modem_link --test modules --test prior_formats --test search --test stream --test wavelet
+	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test conformance --test definition \
+		--test encode_decode --test fuzz_corpus --test modem_link --test modules --test prior_formats --test search \
+		--test stream --test wavelet
 
 test:
 	@scripts/setup.sh run test
 	cargo test --workspace --exclude nvsprior-gst
+
+conformance:
+	@scripts/setup.sh conformance
+	scripts/conformance.sh
+
+vectors:
+	@scripts/setup.sh run test
+	RENEW=1 cargo test --package nvsprior --test conformance
 
 gst:
 	@scripts/setup.sh run gst

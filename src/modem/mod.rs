@@ -5,33 +5,14 @@
 //! shares that arrive. Both must be told the same MTU, since no share says it. Shares may come in any order, more than
 //! once, padded, or mixed with other frames. Numbers are little endian.
 //!
-//! A share has one of three forms. Its high two bits tell which.
-//!
-//! | bits | form | bytes beside the packet's |
-//! |---|---|---|
-//! | `10` | *start*: the first share of an unprotected packet | 0 |
-//! | `11` | *continuation*: another one of it | 4 |
-//! | `01` | *protected share* | 7 to 12, and parity |
-//!
-//! A [`Report`] and a [piece of an update](#updates) have the high bits `00`.
+//! A share has one of three forms: *start* and *continuations* of an unprotected packet, and *protected shares*.
+//! Reports and [pieces of updates](#updates) are modem frames, too. All bytes: `docs/format/modem.md`.
 //!
 //! # Without protection
 //!
 //! [`Protection::None`] and [`Sharer::split`] cut a packet into shares. That costs fewest bytes. If one is lost, those
 //! behind it are of no use until it is sent again. MTU: 31 to 65,535 bytes.
 //!
-//! | byte | start: share 0 |
-//! |---|---|
-//! | 0–… | the packet's first bytes, as many as the MTU, or all |
-//!
-//! | byte | continuation: shares 1 to 4095 |
-//! |---|---|
-//! | 0 | from the top: two bits `11`, two bits frame number modulo 4, four bits index high |
-//! | 1 | index low byte |
-//! | 2–3 | CRC-16/IBM-3740 of: CRC-32 (IEEE) of share 0, bytes 0–1, the data |
-//! | 4–… | data: the packet's next MTU − 4 bytes, or its rest |
-//!
-//! The frame number is the packet's. Padding follows the data. It has any length and content, and no check covers it.
 //! In the compact profile share 0 holds the latent part, which makes a picture by itself, at any MTU. Such packets are
 //! of stream 0, and carry no user bytes.
 //!
@@ -71,32 +52,9 @@
 //! Sudan, IEEE Transactions on Information Theory 42, 1996). [`Sharing`] chooses the layers for the modem's loss. MTU:
 //! 16 to 65,535 bytes.
 //!
-//! | byte | protected share |
-//! |---|---|
-//! | 0 | from the top: two bits `01`, two bits stream, the number's four high bits |
-//! | 1 | from the top: the number's three low bits, one bit wide, four bits threshold of the first layer − 1 |
-//! | 2 | narrow: four bits index, four bits count − 1. Wide: index; the next byte is count − 1 |
-//! | next | first layer's chunk, bytes: seven bits per byte, low bits first, high bit set on all but the last |
-//! | next | bytes of the other layers' chunks together, likewise |
-//! | next 2 | CRC-16/IBM-3740 of all other bytes of the share |
-//! | … | the chunks, first layer first |
-//!
-//! The number is the packet's frame number modulo 128. Padding may follow.
-//!
-//! | bytes | first layer |
-//! |---|---|
-//! | 1 | low three bits: number of other layers; bit 3: user bytes follow; of an open packet: bit 4: padded, bit 5: cut; the others are 0 |
-//! | 2 and more per layer | threshold and chunk, in bytes, as the chunk above |
-//! | 1 + length | length of the user bytes, and they; if bit 3 is set |
-//! | … | the packet's first bytes |
-//!
-//! The other layers hold the packet's next bytes. After its last one there may be zeros.
-//!
-//! Of a packet in the [predicted form](crate::packet) byte 1 does not travel: it is the number that each share has,
-//! and whether the packet is whole, which the collector knows. An *open* packet is one in that form with a residual. It
-//! does not say where it ends. So it ends with the last layer. If that layer is *padded*, its last byte tells how many
-//! bytes of it are not the packet's, itself counted. If the packet is *cut*, its end is not sent. The check of its
-//! latent part is for the decoder to test: it needs the poses that the packet is predicted from.
+//! A packet in the [predicted form](crate::packet) with a residual is *open*: it does not say where it ends. So it ends
+//! with the last layer, and the first one says what of that is not the packet's. The check of its latent part is for
+//! the decoder to test: it needs the poses that the packet is predicted from.
 //!
 //! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
 //! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.
@@ -107,20 +65,6 @@
 //! cut into *sources*, and by the same Reed–Solomon code as layers into up to 256 pieces, of which any as many as there
 //! are sources yield it. The first pieces are the sources. MTU: as for shares; at 16 bytes an update has at most 1,566
 //! bytes, at 64 bytes 12,318.
-//!
-//! | byte | piece |
-//! |---|---|
-//! | 0 | from the top: bits `00`, two bits stream, bits `1000` |
-//! | 1 | number of the update, modulo 256 |
-//! | 2–3 | tag: the update's own check, modulo 2¹⁶ |
-//! | 4 | number of sources − 1, at most 223 |
-//! | 5 | index |
-//! | next | bytes of its chunk: seven bits per byte, low bits first, high bit set on all but the last |
-//! | next 2 | CRC-16/IBM-3740 of all other bytes of the piece |
-//! | … | the chunk |
-//!
-//! The sources hold the length of the update, as the chunk's above, the update as a file holds it, and zeros. Padding
-//! may follow.
 //!
 //! **Checks.** A piece has one of its own. Its number and tag bind it to its update. What comes out must have that
 //! number and tag, and match the update's own check of 32 bits; else all its pieces are dropped. So pieces of two

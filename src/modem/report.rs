@@ -4,20 +4,7 @@
 //! to send again, and which frames later ones may be predicted from. A lost report costs little: the next one tells of
 //! the same packets, as long as they are recent. Numbers are little endian.
 //!
-//! | bytes | report |
-//! |---|---|
-//! | 1 | from the top: bits `00`, two bits stream, bits `01`, one bit: updates follow, one bit: user bytes follow |
-//! | 2 | newest frame number, modulo 2¹⁶ |
-//! | 1 | number of packets that it tells of, at most 32: that of the newest frame number, and those before it |
-//! | 1 per packet | newest first: two bits state, six bits number of shares that came; 63 stands for more, too |
-//! | … | per packet of state 1, newest first: its number of shares − 1, one byte; a bit per share, low bits first |
-//! | 1 | if updates follow: one bit: the last update follows, four bits 0, three bits number of states, at most 4 |
-//! | 3 per state | newest first: number of the update, modulo 256; the state after it, modulo 2¹⁶ |
-//! | 4 | if the last update follows: its number and tag, as in its [pieces](super); pieces that came, 255: it is whole |
-//! | 1 + length | length of the user bytes, and they; if there are any |
-//! | 2 | CRC-16/IBM-3740 of all bytes before |
-//! | 4 | if the topside holds poses: a bit per frame, low bits first: that of the newest frame number, and those before it |
-//! | 2 | with them: CRC-16/IBM-3740 of all bytes before |
+//! The bytes: `docs/format/modem.md`.
 //!
 //! States: 0 nothing came; 1 shares came, but not all of the packet; 2 the packet is whole; 3 its picture was decoded
 //! in full, too. Padding may follow. Of an unprotected packet the first 256 shares are listed; until its length has

@@ -21,26 +21,7 @@
 //! threshold. Such a block stays as seen if what came has changed no window of the render by more than the other fifth.
 //! Then no window can be off by more than the threshold. All other blocks are then not seen.
 //!
-//! # The map in a packet
-//!
-//! The first byte:
-//!
-//! | bits | meaning |
-//! |---|---|
-//! | 0–1 | what follows the map: see [`packet`](crate::packet) |
-//! | 2–3 | form. 0: all blocks are as seen, and nothing follows; else cells of 1, 2 or 4 blocks a side |
-//! | 4 | it is predicted from the last *key map*, one without this bit |
-//! | 5 | no block is marked as shown by the render; in form 0 all are, unless this is set |
-//! | 6–7 | thresholds: 16 and 28; 12 and 21; 20 and 35; 8 and 14 |
-//!
-//! The low four bits of the second byte are the number of coded bytes, up to 14; 15: the next one to three bytes, seven
-//! bits each, the low ones first, hold what it is more than 15. Its high four bits tell how many frames before this one
-//! the key map came that it is predicted from, 1 to 15; 0 if it is one itself.
-//!
-//! The coded bytes are of a binary range coder (as the wavelet coder's), with the chances of [`table`]. Cells come row
-//! by row. A cell's bits: whether it differs or is wrong; if so, whether it is wrong; if not, and bit 5 is not set,
-//! whether it takes the difference picture to be as seen. The chance of each bit depends on the cells left, above,
-//! above left and above right, and on the same cells of the key map: see [`coding`].
+//! The map's bytes, and the chances of its bits: `docs/format/truth.md`.
 //!
 //! If the last key map that is held is not the one that a map is predicted from, the map is lost: all blocks are not
 //! seen. So a packet that is lost costs no other packet its map, unless it held a key map.

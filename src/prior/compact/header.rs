@@ -6,7 +6,7 @@ use super::quantise::{Grid, Quantisation};
 
 const VERSION: u8 = 1;
 
-/// What precedes the coded part; the byte table is in the module above.
+/// What precedes the coded part; its bytes are in docs/format/prior.md.
 pub struct Header {
     pub sh_degree: u32,
     pub key_frames: bool,

@@ -1,51 +1,8 @@
 //! The compact prior, `.nvsg`: a file of about twelve bytes per splat, for both sides of a link.
 //!
-//! | byte | type | content |
-//! |---|---|---|
-//! | 0 | | `nvsg` |
-//! | 4 | u8 | version of the format: 1 |
-//! | 5 | u8 | degree of the spherical harmonics, 0 to 3 |
-//! | 6 | u8 | 1: anti-aliased |
-//! | 7 | u8 | what follows the header: the sum of 1 for key frames, 2 for coder tables, 4 for the preprocessing |
-//! | 8 | u32 | number of splats, at least one |
-//! | 12 | u32 | [`PriorId`] of the splats as the reader gives them, with the options below and the coder tables |
-//! | 16 | f32 × 5 | near plane, clamp of alpha, background |
-//! | 36 | f32 × 3 | origin of the positions |
-//! | 48 | i32 | step of the positions, as an exponent of two |
-//! | 52 | f32 × 6 | [`Quantisation`] in the order of its fields |
-//! | 76 | | the preprocessing, if there is any |
-//! | | | the key frames, if there are any |
-//! | | | the coder tables, if there are any: their length (u32), then [`Tables::write`] |
-//! | | | the splats, coded |
-//! | end − 4 | u32 | CRC-32 of all bytes before |
-//!
-//! All little endian. The preprocessing of the pictures that the prior was trained on:
-//!
-//! | byte | type | content |
-//! |---|---|---|
-//! | 0 | u8 | white balance: 0 none, 1 gray world |
-//! | 1 | u8 | tiles of CLAHE along a side, 1 to 32; 0: no CLAHE |
-//! | 2 | f32 | its clip limit, 1 to 256; 0: no CLAHE |
-//!
-//! The key frames, `n` of them:
-//!
-//! | byte | type | content |
-//! |---|---|---|
-//! | 0 | u32 | `n`, 1 to 65,536 |
-//! | 4 | f32 × 6 | bounds of the camera positions: least x, y, z, greatest x, y, z |
-//! | 28 + 10 i | u16 × 3 | position of camera `i`: 0 is the least, 65,535 the greatest |
-//! | 34 + 10 i | u32 | its rotation, world to camera: bits 30 and 31 say which of w, x, y, z is the largest, which is positive; the others follow in order, ten bits each, 0 to 1022 for −√½ to √½ |
-//!
-//! Positions are off by up to half a step, and the bounds are rounded to f32; rotations are off by up
-//! to 0.28°. Key frames and preprocessing are no part of the identity; coder tables are. A reader that does not
-//! know a part refuses the file.
-//!
-//! The coded part is a raw LZMA stream (lc, lp and pb 0, no end mark). Its window is as large as its content, but at
-//! least 4 KiB and at most 64 MiB. If the stream is shorter than one byte per splat, zeros fill it up. It holds numbers
-//! plane by plane: the lowest byte of a number for all splats, then the next byte. First come the distances of the
-//! splats along the Morton curve of their positions, twelve bytes each. Then come numbers of four bytes each, in which
-//! 0, −1, 1, −2 … are written as 0, 1, 2, 3 …: three scales; x, y and z of the rotation; the opacity; and for each
-//! coefficient of the spherical harmonics green, red less green, blue less green.
+//! The bytes: `docs/format/prior.md`. Positions are off by up to half a step; rotations of key frames by up to 0.28°.
+//! Key frames and preprocessing are no part of the identity; coder tables are. A reader that does not know a part
+//! refuses the file.
 //!
 //! **Order.** Splats are in the order of the curve. The order is part of the prior's identity: the identity is the one
 //! that [`write()`] returns, not that of the splats given to it. Splats close in space are also close in memory.

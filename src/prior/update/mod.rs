@@ -4,32 +4,7 @@
 //! and [`UpdateChain`] keeps them in one file.
 //! An update adds splats, changes or takes back splats of updates before, and fades the prior's own splats in boxes.
 //!
-//! | byte | type | content |
-//! |---|---|---|
-//! | 0 | | `nvsu` |
-//! | 4 | u8 | version of the format: 1 |
-//! | 5 | u32 | [`PriorId`](super::PriorId) of the prior that the chain begins with |
-//! | 9 | u16 | number in the chain, from 1 on |
-//! | 11 | u32 | [`StateId`] that it stands on; for number 1 the prior's identity |
-//! | 15 | | the coded part |
-//! | end − 4 | u32 | CRC-32 of all bytes before |
-//!
-//! All little endian. The coded part is what the binary range coder makes of these numbers; zeros at its end are left
-//! out. *Plain* bits have even odds, all others have chances that adapt (`bits.rs`).
-//!
-//! 1. The grid: the three numbers of the origin, 32 plain bits each; the exponent of the step plus 40, 7 plain bits.
-//! 2. The first frame number, 24 plain bits, and how far the last one lies beyond, modulo 2²⁴.
-//! 3. How many splats are new, how many are taken back, how many change, and how many fades there are.
-//! 4. The positions of the new splats, as a tree (`places.rs`): the least of each axis, the size of the box that holds
-//!    them all, then for each half of each box how many of its splats lie in the upper one.
-//! 5. What each splat looks like (`attributes.rs`): the scales, less what is expected after those before; the rotation,
-//!    unless the three scales are equal; the opacity; the colour as green, red less green, blue less green, each less
-//!    the mean of one of up to four colours.
-//! 6. Learnt splats that are taken back: how many stay between one and the next.
-//! 7. Learnt splats that change (`changes.rs`). For each one how many lie between it and the one before; then what is
-//!    added to its position, scales, rotation, opacity and colour, in steps. Each number says whether it is zero, its
-//!    sign, and its size. The numbers before it in the same field give the chances of the first two.
-//! 8. The fades: the lowest cell, less that of the fade before; the size; the factor, 8 plain bits.
+//! The bytes, the coded part number by number, and what an update adds up to: `docs/format/update.md`.
 //!
 //! **Order.** Splats come in the order of the tree, that of the Morton curve; those at one place keep theirs. Learnt
 //! splats are numbered in the order in which the updates brought them.

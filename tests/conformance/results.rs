@@ -1,0 +1,261 @@
+//! What the library makes of a vector's records, as the manifest states it.
+
+use std::sync::Arc;
+
+use md5::{Digest, Md5};
+use nvsprior::modem::{Collector, CollectorOptions, ModemError, Report};
+use nvsprior::packet::{PacketError, Part};
+use nvsprior::prior::{PriorError, UpdateError};
+use nvsprior::render::Scene;
+use nvsprior::residual::ResidualError;
+use nvsprior::{Decoded, Decoder, Error, Prior, Trust};
+use serde_json::{Value, json};
+
+use crate::common::engine;
+use crate::vector::{Kind, Vector};
+
+pub fn md5(parts: &[&[u8]]) -> String {
+    let mut hasher = Md5::new();
+    parts.iter().for_each(|part| hasher.update(part));
+    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What came of a vector.
+#[derive(Default)]
+pub struct Outcome {
+    /// One per record.
+    pub records: Vec<Value>,
+    /// Of a link: the packets that came of its modem frames.
+    pub packets: Vec<Value>,
+    /// All pictures, one after another.
+    pub pictures: Vec<Vec<u8>>,
+}
+
+/// What the library makes of a vector about a prior.
+pub fn of(vector: &Vector, prior: &Prior) -> Outcome {
+    let mut outcome = Outcome::default();
+    match &vector.kind {
+        Kind::Packets { trust } => {
+            let mut decoder = decoder(vector, &scene(prior));
+            for record in &vector.records {
+                let value = decode(&mut decoder, record, *trust, &mut outcome.pictures);
+                outcome.records.push(value);
+            }
+        }
+        Kind::Link { options, mtu } => link(vector, prior, options, *mtu, &mut outcome),
+        Kind::Reports => outcome.records = vector.records.iter().map(|r| report(r)).collect(),
+        Kind::Priors => outcome.records = vector.records.iter().map(|r| read_prior(r)).collect(),
+    }
+    outcome
+}
+
+fn scene(prior: &Prior) -> Arc<Scene> {
+    engine().upload_for_updates(prior).unwrap()
+}
+
+fn decoder(vector: &Vector, scene: &Arc<Scene>) -> Decoder {
+    let mut decoder = Decoder::new(&engine(), scene);
+    for camera in &vector.cameras {
+        decoder.add_camera(camera).unwrap();
+    }
+    decoder
+}
+
+/// A packet, or an update.
+fn decode(decoder: &mut Decoder, record: &[u8], trust: Trust, all: &mut Vec<Vec<u8>>) -> Value {
+    if record.starts_with(b"nvsu") {
+        return match decoder.add_update(record) {
+            Ok(number) => {
+                json!({ "update": number, "state": decoder.learnt().state().to_string() })
+            }
+            Err(error) => json!({ "refused": name_of(&error) }),
+        };
+    }
+    let mut decoded = Decoded::default();
+    match decoder.decode_into(record, trust, &mut decoded) {
+        Ok(()) => {
+            let value = told(&decoded);
+            all.push(decoded.picture.data);
+            value
+        }
+        Err(error) => json!({ "refused": name_of(&error) }),
+    }
+}
+
+/// Only what differs from a plain frame.
+fn told(decoded: &Decoded) -> Value {
+    let mut value = json!({ "frame": decoded.frame, "md5": md5(&[&decoded.picture.data]) });
+    let mut tell = |name: &str, what: Value| value[name] = what;
+    if let Some(error) = &decoded.damage {
+        tell("damage", json!(name_of(error)));
+    }
+    if decoded.uncertain {
+        tell("uncertain", json!(true));
+    }
+    if !decoded.portable {
+        tell("portable", json!(false));
+    }
+    if let Some(same) = decoded.same_render {
+        tell("same_render", json!(same));
+    }
+    if decoded.kept {
+        tell("kept", json!(true));
+    }
+    if let Some(frame) = decoded.reference {
+        tell("reference", json!(frame));
+    }
+    if let Some(number) = decoded.missing_update {
+        tell("missing_update", json!(number));
+    }
+    if let Some([first, _]) = decoded.truth.thresholds {
+        let levels: String = decoded.truth.levels.iter().map(|level| level.to_string()).collect();
+        tell("truth", json!({ "threshold": first, "levels": levels }));
+    }
+    value
+}
+
+fn link(
+    vector: &Vector,
+    prior: &Prior,
+    options: &CollectorOptions,
+    mtu: usize,
+    outcome: &mut Outcome,
+) {
+    let mut collector = Collector::new(CollectorOptions { mtu, ..*options }).unwrap();
+    let mut decoder = decoder(vector, &scene(prior));
+    for record in &vector.records {
+        outcome.records.push(match collector.push(0.0, record) {
+            Ok(_) => json!({}),
+            Err(error) => json!({ "refused": of_modem(&error) }),
+        });
+        while let Some(update) = collector.update(0).map(<[u8]>::to_vec) {
+            let value = decode(&mut decoder, &update, Trust::Start, &mut outcome.pictures);
+            collector.settle_update(0, value.get("refused").is_none());
+            outcome.packets.push(value);
+        }
+    }
+    for stream in 0..options.streams as u8 {
+        for frame in vector.frames.clone() {
+            let Some(packet) = collector.packet(stream, frame) else { continue };
+            let picture = decode(&mut decoder, packet.bytes, Trust::Start, &mut outcome.pictures);
+            outcome.packets.push(json!({
+                "stream": stream, "frame": packet.frame, "bytes": md5(&[packet.bytes]),
+                "complete": packet.complete, "user": packet.user.map(hex), "picture": picture,
+            }));
+        }
+    }
+}
+
+fn report(record: &[u8]) -> Value {
+    let (report, user) = match Report::read(record) {
+        Ok(read) => read,
+        Err(error) => return json!({ "refused": of_modem(&error) }),
+    };
+    let packets = report.packets().map(|(number, packet)| {
+        let shares = (0..packet.shares.sent()).filter(|index| packet.shares.contains(*index));
+        let shares: Vec<usize> = shares.collect();
+        json!([number, packet.state as u8, packet.arrived, packet.shares.sent(), shares])
+    });
+    let packets: Vec<Value> = packets.collect();
+    let poses: Vec<u32> = report.poses().filter(|(_, held)| *held).map(|(n, _)| n).collect();
+    json!({
+        "stream": report.stream(), "newest": report.newest(), "packets": packets,
+        "user": user.map(hex), "poses": poses,
+    })
+}
+
+fn read_prior(record: &[u8]) -> Value {
+    match Prior::from_bytes(record, "vector", &Default::default()) {
+        Ok(prior) => json!({
+            "id": prior.id().to_string(), "splats": prior.len(),
+            "key_frames": prior.key_frames().len(),
+            "tables": prior.coder_tables().map(|tables| md5(&[&tables.write()])),
+        }),
+        Err(error) => json!({ "refused": of_prior(&error) }),
+    }
+}
+
+fn name_of(error: &Error) -> &'static str {
+    match error {
+        Error::Packet(error) => of_packet(error),
+        Error::Residual(error) => of_residual(error),
+        Error::Update(error) => of_update(error),
+        Error::CameraUnknown { .. } => "camera-unknown",
+        Error::SessionUnknown { .. } => "session-unknown",
+        Error::UpdateMissing { .. } => "update-missing",
+        Error::Camera(_) => "camera",
+        other => panic!("{other}"),
+    }
+}
+
+fn of_packet(error: &PacketError) -> &'static str {
+    match error {
+        PacketError::TooShort { .. } => "too-short",
+        PacketError::Magic(_) => "magic",
+        PacketError::Version(_) => "version",
+        PacketError::Check(Part::Latent | Part::Camera | Part::Render | Part::Residual) => "check",
+        PacketError::Profile(_) => "profile",
+        PacketError::Pose => "pose",
+        PacketError::Camera(_) => "camera",
+        PacketError::CameraTag { .. } => "camera-tag",
+        PacketError::ShortCamera => "short-camera",
+        PacketError::Coder(_) => "coder",
+        PacketError::Truth => "truth",
+        PacketError::Reference(_) => "reference",
+        PacketError::PayloadLength => "length",
+        PacketError::PoseNotHeld { .. } => "pose-not-held",
+        PacketError::Prior { .. } => "prior",
+        other => panic!("{other}"),
+    }
+}
+
+fn of_residual(error: &ResidualError) -> &'static str {
+    match error {
+        ResidualError::OtherRender => "other-render",
+        ResidualError::ReferenceMissing { .. } => "reference-missing",
+        ResidualError::Payload(_) | ResidualError::Size { .. } => "payload",
+        other => panic!("{other}"),
+    }
+}
+
+fn of_update(error: &UpdateError) -> &'static str {
+    match error {
+        UpdateError::UnknownFormat => "magic",
+        UpdateError::Newer { .. } => "version",
+        UpdateError::Truncated { .. } => "truncated",
+        UpdateError::Damaged { .. } => "damaged",
+        UpdateError::Foreign { .. } => "prior",
+        UpdateError::NotNext { .. } | UpdateError::OtherChain { .. } => "not-next",
+        UpdateError::Prior(_) => panic!("{error}"),
+        _ => "content",
+    }
+}
+
+fn of_modem(error: &ModemError) -> &'static str {
+    match error {
+        ModemError::NotAFrame(_) | ModemError::Packet(PacketError::Magic(_)) => "not-a-frame",
+        ModemError::Cut { .. } => "cut",
+        ModemError::ShareCheck | ModemError::ReportCheck => "check",
+        ModemError::Packet(error) => of_packet(error),
+        ModemError::NoRoom { .. } => "no-room",
+        ModemError::OtherShare(_) => "other-share",
+        ModemError::Stream(_) => "stream",
+        other => panic!("{other}"),
+    }
+}
+
+fn of_prior(error: &PriorError) -> &'static str {
+    match error {
+        PriorError::InFile { error, .. } => of_prior(error),
+        PriorError::UnknownFormat => "magic",
+        PriorError::Newer { .. } => "version",
+        PriorError::Truncated { .. } => "truncated",
+        PriorError::Damaged { .. } => "damaged",
+        PriorError::Identity { .. } => "identity",
+        _ => "content",
+    }
+}
