@@ -44,8 +44,10 @@ class Decoder:
         self.prior, self.is_start = prior, is_start
         self.cameras, self.view, self.last, self.held = [], None, None, Held()
         self.states, self.scenes = States(prior.id), {}
-        self.tables = prior.tables or Tables((TABLES / "generic.nvt").read_bytes())
-        self.inter_tables = Tables((TABLES / "stream.nvt").read_bytes())
+        own = [Tables((TABLES / f"{name}.nvt").read_bytes()) for name in ("generic", "small_blocks", "stream")]
+        if prior.tables and prior.tables.data != own[0].data:
+            own[:2] = [prior.tables] * 2
+        self.tables = own
 
     def add_camera(self, camera):
         if camera not in self.cameras:
@@ -149,7 +151,7 @@ class Decoder:
                 decoded.damage = "reference-missing"
                 return False
             earlier = warp(kept, self.view.camera, placement, depths, ROTATION), kept["shown"]
-        coding = Frame(drawn, self.tables, self.inter_tables, earlier)
+        coding = Frame(drawn, self.tables, earlier)
         difference = coding.decode(residual.payload, is_start, residual.small, latent.portable)
         if isinstance(difference, str):
             decoded.damage = difference

@@ -239,11 +239,12 @@ class DisplacedBlocks:
 class Frame:
     """A payload on its way to a difference."""
 
-    def __init__(self, render, tables, inter_tables, earlier):
+    def __init__(self, render, tables, earlier):
+        """`tables`: for intra frames, for those with small or displaced blocks, for inter frames."""
         self.render = render
         self.geometry = Geometry(render.shape[1], render.shape[0])
         self.is_inter, self.displaced = earlier is not None, None
-        self.all_tables, self.earlier = (tables, inter_tables), earlier
+        self.all_tables, self.earlier = tables, earlier
 
     def decode(self, payload, cut, small_blocks, portable):
         """The difference of a payload, (h, w, 3); None: it adds nothing. A text: what is wrong with it."""
@@ -259,7 +260,7 @@ class Frame:
         except Unknown:
             return None
         self.sees_prediction = self.is_inter and self.displaced is None
-        self.tables = self.all_tables[self.sees_prediction]
+        self.tables = self.all_tables[2 if self.sees_prediction else int(small_blocks)]
         self._prepare()
         self._run()
         planes = self.decoded
