@@ -154,7 +154,10 @@ impl StreamEncoder {
         let suits = |kept: &Kept| structure.suits(position, kept, acknowledged);
         let (reference, kept) = self.references.newest(frame.frame, suits)?;
         warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
-        Some((reference, Earlier { warped: &self.warped, shown: &kept.shown }))
+        Some((
+            reference,
+            Earlier { warped: &self.warped, shown: &kept.shown, difference: &kept.difference },
+        ))
     }
 
     /// Remembers a coded frame, if later ones may be predicted from it.
@@ -194,7 +197,7 @@ impl StreamDecoder {
         prepare(&mut self.warped, frame.viewpoint);
         let kept = self.references.find(reference, frame.frame, frame.viewpoint)?;
         warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
-        Some(Earlier { warped: &self.warped, shown: &kept.shown })
+        Some(Earlier { warped: &self.warped, shown: &kept.shown, difference: &kept.difference })
     }
 
     /// Takes the render of a frame, before anything is added to it.

@@ -9,7 +9,7 @@ use crate::Picture;
 use crate::adaptive_numbers::Signed;
 use crate::range_coder::Bits;
 
-use super::adaptive_bit::Price;
+use super::adaptive_bit::{AdaptiveBit, Price};
 use super::colour;
 use super::geometry::Planes;
 use super::lifting::FRACTION;
@@ -41,14 +41,23 @@ pub enum Kind {
     Warped,
     /// Nothing.
     Unpredicted,
-    /// The earlier picture.
-    Displaced(Displacement),
+    /// What was shown, displaced.
+    Displaced(Displacement, Of),
+}
+
+/// What is displaced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Of {
+    /// The earlier picture, less this frame's render: of what hides the scene.
+    Picture,
+    /// The earlier difference picture: of what is so thin that the scene shows beside it.
+    Difference,
 }
 
 impl Kind {
     fn displacement(self) -> Option<Displacement> {
         match self {
-            Kind::Displaced(displacement) => Some(displacement),
+            Kind::Displaced(displacement, _) => Some(displacement),
             _ => None,
         }
     }
@@ -61,6 +70,8 @@ pub struct Earlier<'a> {
     pub warped: &'a Planes,
     /// Its picture.
     pub shown: &'a Picture,
+    /// Its difference picture, as it was seen.
+    pub difference: &'a Picture,
 }
 
 /// The blocks of a frame.
@@ -126,6 +137,7 @@ impl DisplacedBlocks {
     pub fn code(&mut self, coder: &mut impl Bits) {
         let mut displaced = Chances::new();
         let mut unpredicted = Chances::new();
+        let mut differences = AdaptiveBit::new(1, 2);
         let mut apart = [const { Signed::new(USUAL) }; 2];
         for at in 0..self.kinds.len() {
             let kind = self.kinds[at];
@@ -138,7 +150,12 @@ impl DisplacedBlocks {
                     let read = guess.saturating_add(apart[axis].code(coder, due - guess));
                     read.clamp(-i32::from(LONGEST), i32::from(LONGEST)) as i16
                 });
-                Kind::Displaced(displacement)
+                let is_difference = matches!(kind, Kind::Displaced(_, Of::Difference));
+                let of = match differences.code(coder, is_difference) {
+                    true => Of::Difference,
+                    false => Of::Picture,
+                };
+                Kind::Displaced(displacement, of)
             } else {
                 let is_unpredicted = |at: usize| self.kinds[at] == Kind::Unpredicted;
                 let chance = unpredicted.of(self.grid, is_unpredicted, at);
@@ -188,7 +205,7 @@ impl DisplacedBlocks {
             for (x, along) in weighed(&columns, width) {
                 let index = y * width + x;
                 let value = match kind {
-                    Kind::Displaced(by) => displaced(earlier.shown, render, (x, y), by),
+                    Kind::Displaced(by, of) => displaced(earlier, render, (x, y), by, of),
                     _ => std::array::from_fn(|plane| earlier.warped[plane][index]),
                 };
                 for (plane, value) in into.iter_mut().zip(value) {
@@ -199,14 +216,19 @@ impl DisplacedBlocks {
     }
 }
 
-/// A pixel of the earlier picture, moved, less that of the render: its planes.
+/// A pixel of the earlier picture, moved, less that of the render; or of the difference picture, moved: its planes.
 pub fn displaced(
-    shown: &Picture,
+    earlier: &Earlier,
     render: &Picture,
     (x, y): (usize, usize),
     by: Displacement,
+    of: Of,
 ) -> [i32; 3] {
-    let there = sample(shown, &SubPixel::displaced([x, y], by, PARTS));
+    let place = SubPixel::displaced([x, y], by, PARTS);
+    if of == Of::Difference {
+        return colour::fine_to_planes(sample(earlier.difference, &place));
+    }
+    let there = sample(earlier.shown, &place);
     let here = &render.data[3 * (y * render.width as usize + x)..][..3];
     let value = |c: usize| there[c] - ((i32::from(here[c]) - NONE) << FRACTION);
     colour::fine_to_planes(std::array::from_fn(value))
@@ -242,8 +264,8 @@ mod tests {
         let kind = prop_oneof![
             Just(Kind::Warped),
             Just(Kind::Unpredicted),
-            (-9_i16..9, -9_i16..9).prop_map(|(x, y)| Kind::Displaced([x, y])),
-            (part.clone(), part).prop_map(|(x, y)| Kind::Displaced([x, y])),
+            (-9_i16..9, -9_i16..9).prop_map(|(x, y)| Kind::Displaced([x, y], Of::Difference)),
+            (part.clone(), part).prop_map(|(x, y)| Kind::Displaced([x, y], Of::Picture)),
         ];
         proptest::collection::vec(kind, 1..200)
     }
@@ -306,7 +328,8 @@ mod tests {
         let (shown, render) = (picture(48, 32, 0), picture(48, 32, 40));
         let warped: Planes =
             std::array::from_fn(|p| (0..48 * 32).map(|i| i * 3 - p as i32).collect());
-        let earlier = Earlier { warped: &warped, shown: &shown };
+        let difference = picture(48, 32, 77);
+        let earlier = Earlier { warped: &warped, shown: &shown, difference: &difference };
         let composed = |kind: Kind| {
             let mut into: Planes = std::array::from_fn(|_| vec![7; 48 * 32]);
             blocks(48, 32, &[kind]).compose(&earlier, &render, &mut into);
@@ -315,7 +338,8 @@ mod tests {
         assert!(composed(Kind::Warped) == warped);
         assert!(composed(Kind::Unpredicted).iter().flatten().all(|value| *value == 0));
         // Two pixels to the right and one up.
-        let moved = composed(Kind::Displaced([8, -4]));
+        let moved = composed(Kind::Displaced([8, -4], Of::Picture));
+        let differs = composed(Kind::Displaced([8, -4], Of::Difference));
         for (x, y) in [(3, 5), (16, 15), (17, 16), (40, 20)] {
             let of = |picture: &Picture, x: usize, y: usize, c: usize| {
                 i32::from(picture.data[3 * (y * 48 + x) + c])
@@ -323,6 +347,10 @@ mod tests {
             let left = |c| (of(&shown, x + 2, y - 1, c) - of(&render, x, y, c)) << FRACTION;
             let due = colour::fine_to_planes([left(0), left(1), left(2)]);
             let found: [i32; 3] = std::array::from_fn(|plane| moved[plane][y * 48 + x]);
+            assert_eq!(found, due, "{x} {y}");
+            let left = |c| (of(&difference, x + 2, y - 1, c) - NONE) << FRACTION;
+            let due = colour::fine_to_planes([left(0), left(1), left(2)]);
+            let found: [i32; 3] = std::array::from_fn(|plane| differs[plane][y * 48 + x]);
             assert_eq!(found, due, "{x} {y}");
         }
     }

@@ -4,7 +4,7 @@ use crate::Picture;
 use crate::coder_tables::PLANES;
 
 use super::displaced::{
-    DisplacedBlocks, Displacement, Earlier, Kind, LONGEST, PARTS, SIDE, displaced,
+    DisplacedBlocks, Displacement, Earlier, Kind, LONGEST, Of, PARTS, SIDE, displaced,
 };
 use super::fixed::ONE;
 use super::geometry::Planes;
@@ -57,9 +57,10 @@ impl Pyramid {
         Pyramid((0..=deep.unwrap_or(MAX_LEVELS)).map(level).collect())
     }
 
-    fn set(&mut self, picture: &Picture) {
-        for (to, rgb) in self.0[0].data.iter_mut().zip(picture.data.as_chunks::<3>().0) {
-            let [r, g, b] = rgb.map(u32::from);
+    /// Takes a picture whose pixels `value` gives, red, green and blue.
+    fn set(&mut self, value: impl Fn(usize) -> [u8; 3]) {
+        for (i, to) in self.0[0].data.iter_mut().enumerate() {
+            let [r, g, b] = value(i).map(u32::from);
             *to = ((r + 2 * g + b + 2) / 4) as u8;
         }
         for coarse in 1..self.0.len() {
@@ -81,6 +82,12 @@ impl Pyramid {
 
 /// Chooses displaced blocks, in memory of its own.
 pub struct DisplacementChooser {
+    pictures: Search,
+    differences: Search,
+}
+
+/// Looks for the parts of one picture in another.
+struct Search {
     seen: Pyramid,
     shown: Pyramid,
 }
@@ -98,13 +105,23 @@ impl DisplacementChooser {
     /// For pictures of a size.
     pub fn new(width: usize, height: usize) -> DisplacementChooser {
         let pyramid = || Pyramid::new(width, height);
-        DisplacementChooser { seen: pyramid(), shown: pyramid() }
+        let search = || Search { seen: pyramid(), shown: pyramid() };
+        DisplacementChooser { pictures: search(), differences: search() }
     }
 
     /// Chooses what each block of a frame is predicted from, if it is coded at about a step.
     pub fn choose(&mut self, blocks: &mut DisplacedBlocks, pictures: &Pictures, step: Step) {
-        self.seen.set(pictures.frame);
-        self.shown.set(pictures.earlier.shown);
+        let Pictures { frame, render, earlier, .. } = pictures;
+        let pixel = |picture: &Picture, i: usize| picture.data.as_chunks::<3>().0[i];
+        self.pictures.seen.set(|i| pixel(frame, i));
+        self.pictures.shown.set(|i| pixel(earlier.shown, i));
+        self.differences.seen.set(|i| {
+            let (seen, render) = (pixel(frame, i), pixel(render, i));
+            std::array::from_fn(|c| {
+                (i16::from(seen[c]) - i16::from(render[c]) + 128).clamp(0, 255) as u8
+            })
+        });
+        self.differences.shown.set(|i| pixel(earlier.difference, i));
         blocks.clear();
         let (mut before, mut after) = (0, 0);
         for at in 0..blocks.grid.len() {
@@ -145,17 +162,22 @@ impl DisplacementChooser {
         }
         if best.0 > CHEAP {
             let guess = blocks.guess(at);
-            let by = self.find(&pixels, guess);
-            let bits = DISPLACED + i64::from(ONE) * bits_away(by, guess);
-            let displaced = price(&|x, y| displaced(earlier.shown, render, (x, y), by)) + bits;
-            if displaced < best.0 {
-                best = (displaced, Kind::Displaced(by));
+            for (search, of) in [(&self.pictures, Of::Picture), (&self.differences, Of::Difference)]
+            {
+                let by = search.find(&pixels, guess);
+                let bits = DISPLACED + i64::from(ONE) * bits_away(by, guess);
+                let price = price(&|x, y| displaced(earlier, render, (x, y), by, of)) + bits;
+                if price < best.0 {
+                    best = (price, Kind::Displaced(by, of));
+                }
             }
         }
         blocks.kinds[at] = best.1;
         (warped, best.0)
     }
+}
 
+impl Search {
     /// Where a block lies in the earlier picture, by brightness.
     fn find(&self, pixels: &[std::ops::Range<usize>; 2], guess: Displacement) -> Displacement {
         let deepest = self.seen.0.len() - 1;

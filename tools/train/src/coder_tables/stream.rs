@@ -125,7 +125,7 @@ fn set_earlier(
 ) -> bool {
     let Some(Shown { picture, difference, viewpoint }) = before else { return false };
     warp(difference, viewpoint, &frame.viewpoint, &frame.depths, warped);
-    let earlier = Earlier { warped, shown: picture };
+    let earlier = Earlier { warped, shown: picture, difference };
     encoder.set_earlier(&frame.picture, &frame.render, &earlier, false);
     true
 }
