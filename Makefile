@@ -170,6 +170,7 @@ cross-aarch64:
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
 	scripts/cross-test.sh aarch64-unknown-linux-gnu small_blocks
+	scripts/cross-test.sh aarch64-unknown-linux-gnu displaced
 
 dist:
 	@scripts/setup.sh dist

@@ -405,7 +405,7 @@ typedef struct nvsp_encoder_options {
   // the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
   uint32_t pipelined;
   // NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. NVSP_MODE_STREAM takes the
-  // wavelet coder, and about 323 more bytes of host memory per pixel. If the device is not portable, all frames are
+  // wavelet coder, and about 324 more bytes of host memory per pixel. If the device is not portable, all frames are
   // intra.
   uint32_t mode;
   // NVSP_STRUCTURE_*: the reference frame of others, with NVSP_MODE_STREAM.
@@ -755,7 +755,7 @@ typedef struct nvsp_decoded {
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
 // yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
 // prior needs more room on the device than any before it. It holds at most 2 MiB and 128 bytes per pixel on the host,
-// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
+// and from the first packet of a stream on 272 more per pixel. The pixels are those of the packet's picture, with
 // sides rounded up to multiples of 16.
 //
 // The same packet yields the same picture, byte for byte, as the encoder predicted, on the same

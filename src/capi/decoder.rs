@@ -293,7 +293,7 @@ pub extern "C" fn nvsp_decoder_reopen(
 /// Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
 /// yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
 /// prior needs more room on the device than any before it. It holds at most 2 MiB and 128 bytes per pixel on the host,
-/// and from the first packet of a stream on 176 more per pixel. The pixels are those of the packet's picture, with
+/// and from the first packet of a stream on 272 more per pixel. The pixels are those of the packet's picture, with
 /// sides rounded up to multiples of 16.
 ///
 /// The same packet yields the same picture, byte for byte, as the encoder predicted, on the same

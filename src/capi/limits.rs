@@ -151,9 +151,10 @@ pub(super) fn decoder(width: u32, height: u32) -> u64 {
     4 * SMALL + 128 * pixels(width, height)
 }
 
-/// What an encoder of a stream takes besides: 32 frames of 3 bytes per pixel, 27 planes of 4, depths.
+/// What an encoder of a stream takes besides: 32 frames of 6 bytes per pixel, 27 planes of 4, depths,
+/// two pyramids.
 pub(super) fn stream_encoder(width: u32, height: u32) -> u64 {
-    SMALL + 224 * pixels(width, height)
+    SMALL + 324 * pixels(width, height)
 }
 
 /// What an encoder that learns takes besides: 16 key frames and those of a draft, of 16 bytes per pixel and 4, what the
@@ -164,7 +165,7 @@ pub(super) fn learner(width: u32, height: u32) -> u64 {
 
 /// What a decoder takes besides, from the first packet of a stream on: the frames, 15 planes, a picture, depths.
 pub(super) fn stream_decoder(width: u32, height: u32) -> u64 {
-    SMALL + 176 * pixels(width, height)
+    SMALL + 272 * pixels(width, height)
 }
 
 /// Pixels, with sides rounded up as the coders do.
