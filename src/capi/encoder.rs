@@ -129,7 +129,7 @@ pub struct nvsp_encoder_options {
     /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
     pub pipelined: u32,
     /// NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. NVSP_MODE_STREAM takes the
-    /// wavelet coder, and about 324 more bytes of host memory per pixel. If the device is not portable, all frames are
+    /// wavelet coder, and about 327 more bytes of host memory per pixel. If the device is not portable, all frames are
     /// intra.
     pub mode: u32,
     /// NVSP_STRUCTURE_*: the reference frame of others, with NVSP_MODE_STREAM.

@@ -152,9 +152,9 @@ pub(super) fn decoder(width: u32, height: u32) -> u64 {
 }
 
 /// What an encoder of a stream takes besides: 32 frames of 6 bytes per pixel, 27 planes of 4, depths,
-/// two pyramids.
+/// four pyramids.
 pub(super) fn stream_encoder(width: u32, height: u32) -> u64 {
-    SMALL + 324 * pixels(width, height)
+    SMALL + 327 * pixels(width, height)
 }
 
 /// What an encoder that learns takes besides: 16 key frames and those of a draft, of 16 bytes per pixel and 4, what the

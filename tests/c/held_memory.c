@@ -68,7 +68,7 @@ static void at_width(uint32_t width, uint32_t mode) {
     CHECK(decoder > 3 * pixels && encoder > 3 * pixels);
     CHECK(decoder <= (2 << 20) + (stream ? 128 + 272 : 128) * pixels);
     CHECK(decoder <= (long)estimate.decoder_host + (stream ? 273 * pixels + (1 << 20) : 0));
-    CHECK(encoder <= (long)estimate.encoder_host + (stream ? 324 * pixels + (1 << 20) : 0));
+    CHECK(encoder <= (long)estimate.encoder_host + (stream ? 327 * pixels + (1 << 20) : 0));
 }
 
 int main(int argc, char **argv) {

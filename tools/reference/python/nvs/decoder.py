@@ -150,7 +150,7 @@ class Decoder:
             if kept is None:
                 decoded.damage = "reference-missing"
                 return False
-            earlier = warp(kept, self.view.camera, placement, depths, ROTATION), kept["shown"]
+            earlier = warp(kept, self.view.camera, placement, depths, ROTATION), kept
         coding = Frame(drawn, self.tables, earlier)
         difference = coding.decode(residual.payload, is_start, residual.small, latent.portable)
         if isinstance(difference, str):

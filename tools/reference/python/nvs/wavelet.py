@@ -174,10 +174,14 @@ class BlockChances:
     def bit(self, decoder, kinds, x, y):
         left, above = kinds[y, x - 1] if x else None, kinds[y - 1, x] if y else None
         beside = [int(v) for v in (left, above) if v is not None]
-        chance = self.chances[sum(beside) * (2 // len(beside))] if beside else self.chances[0]
-        bit = decoder.bit(min(max(65536 * chance[0] // chance[1], 512), 65024))
-        chance[0], chance[1] = chance[0] + bit, chance[1] + 1
-        return bit
+        return adaptive_bit(decoder, self.chances[sum(beside) * (2 // len(beside))] if beside else self.chances[0])
+
+
+def adaptive_bit(decoder, chance):
+    """`chance`: ones, and all, so far."""
+    bit = decoder.bit(min(max(65536 * chance[0] // chance[1], 512), 65024))
+    chance[0], chance[1] = chance[0] + bit, chance[1] + 1
+    return bit
 
 
 class DisplacedBlocks:
@@ -187,7 +191,7 @@ class DisplacedBlocks:
         self.width, self.height = width, height
         self.size = columns, rows = max(width // 16, 1), max(height // 16, 1)
         self.is_displaced, self.is_none = np.zeros((rows, columns), bool), np.zeros((rows, columns), bool)
-        self.by, last = {}, (0, 0)
+        self.by, self.of_difference, last, difference = {}, {}, (0, 0), [1, 2]
         displaced, none, apart = BlockChances(), BlockChances(), [Signed(4), Signed(4)]
         for y in range(rows):
             for x in range(columns):
@@ -195,6 +199,7 @@ class DisplacedBlocks:
                     guess = self._guess(x, y, last)
                     last = tuple(min(max(g + a.read(decoder), -1023), 1023) for g, a in zip(guess, apart))
                     self.is_displaced[y, x], self.by[x, y] = True, last
+                    self.of_difference[x, y] = adaptive_bit(decoder, difference)
                 else:
                     self.is_none[y, x] = none.bit(decoder, self.is_none, x, y)
 
@@ -204,7 +209,7 @@ class DisplacedBlocks:
             return [sorted(v)[1] for v in zip(*near)]
         return near[0] if near else last
 
-    def compose(self, warped, shown, render):
+    def compose(self, warped, kept, render):
         """What the frame is predicted from."""
         total = np.zeros(warped.shape, np.int64)
         here = render.astype(np.int64) - 128 << 6
@@ -218,8 +223,11 @@ class DisplacedBlocks:
                 if (x, y) in self.by:
                     right, below = self.by[x, y]
                     c, r = np.meshgrid(columns + (right >> 2), rows + (below >> 2))
-                    there = sample(shown, c, 16 * (right & 3), r, 16 * (below & 3))
-                    value = np.einsum("pc,hwc->phw", ROTATION, there - here[place]) + 8192 >> 14
+                    picture = kept["difference" if self.of_difference[x, y] else "shown"]
+                    value = sample(picture, c, 16 * (right & 3), r, 16 * (below & 3))
+                    if not self.of_difference[x, y]:
+                        value = value - here[place]
+                    value = np.einsum("pc,hwc->phw", ROTATION, value) + 8192 >> 14
                 else:
                     value = warped[:, rows[:, None], columns]
                 total[:, rows[:, None], columns] += down[:, None] * across * value
