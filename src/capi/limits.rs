@@ -151,8 +151,8 @@ pub(super) fn decoder(width: u32, height: u32) -> u64 {
     4 * SMALL + 128 * pixels(width, height)
 }
 
-/// What an encoder of a stream takes besides: 32 frames of 6 bytes per pixel, 27 planes of 4, depths,
-/// four pyramids.
+/// What an encoder of a stream takes besides: 32 frames of 6 bytes per pixel, 27 planes of 4, depths, four
+/// pyramids.
 pub(super) fn stream_encoder(width: u32, height: u32) -> u64 {
     SMALL + 327 * pixels(width, height)
 }

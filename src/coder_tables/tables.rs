@@ -35,7 +35,7 @@ pub enum TablesError {
 }
 
 impl Tables {
-    /// Those of all payloads but for the ones below, if the prior has no tables of its own.
+    /// Those of intra frames without small blocks, if the prior has no tables of its own.
     pub fn generic() -> Tables {
         Tables::read(include_bytes!("generic.nvt")).unwrap_or_else(|_| Tables::zero())
     }

@@ -52,9 +52,9 @@
 //! Sudan, IEEE Transactions on Information Theory 42, 1996). [`Sharing`] chooses the layers for the modem's loss. MTU:
 //! 16 to 65,535 bytes.
 //!
-//! A packet in the [predicted form](crate::packet) with a residual is *open*: it does not say where it ends. So it ends
-//! with the last layer, and the first one says what of that is not the packet's. The check of its latent part is for
-//! the decoder to test: it needs the poses that the packet is predicted from.
+//! A packet in the [predicted form](crate::packet) with a residual is *open*: it does not say where it ends. It ends
+//! with the last layer, unless bits of the first layer say that this has padding or that the packet's end is not sent.
+//! The check of its latent part is for the decoder to test: it needs the poses that the packet is predicted from.
 //!
 //! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
 //! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.

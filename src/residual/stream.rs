@@ -117,6 +117,15 @@ impl StreamFrame<'_> {
     }
 }
 
+impl Kept {
+    /// What a frame may be predicted from. `warped`: room for its planes.
+    fn seen_from<'a>(&'a self, frame: &StreamFrame, warped: &'a mut Planes) -> Earlier<'a> {
+        let Kept { difference, shown, viewpoint, .. } = self;
+        warp(difference, viewpoint, frame.viewpoint, frame.depths, warped);
+        Earlier { warped, shown, difference }
+    }
+}
+
 /// What an encoder of a stream remembers.
 #[derive(Default)]
 pub(super) struct StreamEncoder {
@@ -153,11 +162,7 @@ impl StreamEncoder {
         }
         let suits = |kept: &Kept| structure.suits(position, kept, acknowledged);
         let (reference, kept) = self.references.newest(frame.frame, suits)?;
-        warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
-        Some((
-            reference,
-            Earlier { warped: &self.warped, shown: &kept.shown, difference: &kept.difference },
-        ))
+        Some((reference, kept.seen_from(frame, &mut self.warped)))
     }
 
     /// Remembers a coded frame, if later ones may be predicted from it.
@@ -196,8 +201,7 @@ impl StreamDecoder {
     pub fn earlier(&mut self, reference: Reference, frame: &StreamFrame) -> Option<Earlier<'_>> {
         prepare(&mut self.warped, frame.viewpoint);
         let kept = self.references.find(reference, frame.frame, frame.viewpoint)?;
-        warp(&kept.difference, &kept.viewpoint, frame.viewpoint, frame.depths, &mut self.warped);
-        Some(Earlier { warped: &self.warped, shown: &kept.shown, difference: &kept.difference })
+        Some(kept.seen_from(frame, &mut self.warped))
     }
 
     /// Takes the render of a frame, before anything is added to it.

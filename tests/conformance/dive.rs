@@ -156,7 +156,7 @@ impl Dive {
         self.encoded_as(&CAMERA, options, count, |picture| picture)
     }
 
-    /// The same by another camera, of which every picture is changed.
+    /// An encoder's packets by another camera. `change`: what is done to each picture before.
     pub fn encoded_as(
         &self,
         camera: &Camera,
@@ -167,7 +167,7 @@ impl Dive {
         self.encoded_of(camera, options, count, |t| change(self.seen(camera, t)))
     }
 
-    /// The same of other pictures.
+    /// An encoder's packets of the pictures that `seen` gives.
     pub fn encoded_of(
         &self,
         camera: &Camera,

@@ -79,7 +79,7 @@ impl WaveletDecoder {
     }
 
     /// Adds a payload to its render, of the decoder's size. Of a payload that was cut short, what is there is added.
-    /// Any bytes give a picture, but for those that are refused.
+    /// Bytes that are not refused give a picture, whatever they are.
     ///
     /// # Errors
     /// If the payload's contexts look at the render, and it is not the encoder's: `portable` tells. If a whole payload

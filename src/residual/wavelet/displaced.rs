@@ -1,9 +1,10 @@
-//! Displaced blocks: what an inter frame takes from the picture that was shown of an earlier frame.
+//! Displaced blocks: what an inter frame takes from an earlier frame as it was shown.
 //!
 //! A warped difference lies in the right place only if the prior's depth is right there. What the prior does not know
-//! lies elsewhere, and hides what the prior shows. So a block of 16×16 pixels may be predicted from the earlier
-//! *picture*, moved by a displacement of its own, less this frame's render; or from neither. Predictions overlap by
-//! four pixels on both sides of an edge: no seam shows.
+//! lies elsewhere, and hides what the prior shows. So a block of 16×16 pixels may have a displacement of its own. It is
+//! then predicted from the earlier picture, moved, less this frame's render; or from the earlier difference picture,
+//! moved. A block may also be predicted from the render alone. Predictions overlap by four pixels on both sides of an
+//! edge, so no seam shows.
 
 use crate::Picture;
 use crate::adaptive_numbers::Signed;
