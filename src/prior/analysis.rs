@@ -3,13 +3,14 @@
 
 use std::fmt;
 
+use super::site::Site;
 use super::{Prior, Splats};
 use crate::shared::{self, ALPHA_MIN, GEOMETRY_PLANES};
 
 /// What pictures of a prior need.
 #[derive(Clone, Debug)]
 pub struct PriorAnalysis {
-    /// Splats that some picture may show, by index, in order; at least one.
+    /// Splats that some picture may show, by index, in order; at least one. Empty for a site, which has none but such.
     pub splats: Vec<u32>,
     /// Degree of the spherical harmonics beyond which all coefficients are zero.
     pub sh_degree: u32,
@@ -101,6 +102,20 @@ impl PriorAnalysis {
         }
     }
 
+    /// What pictures of a site need, by its head.
+    pub fn of_site(site: &Site) -> PriorAnalysis {
+        PriorAnalysis {
+            splats: Vec::new(),
+            sh_degree: site.sh_degree(),
+            clamps_alpha: site.clamps_alpha(),
+            clamps_colour: true,
+            background: site.options().background != [0.0; 3],
+            antialiased: site.options().antialiased,
+            key_bits: key_bits(site.options().near, f32::MAX),
+            findings: Vec::new(),
+        }
+    }
+
     /// What is left out at load, and what could be.
     pub fn findings(&self) -> &[Finding] {
         &self.findings
@@ -165,7 +180,7 @@ pub fn splat_bytes(sh_degree: u32) -> u64 {
 }
 
 /// The lowest degree beyond which all coefficients are zero.
-fn sh_degree(splats: &Splats) -> u32 {
+pub(super) fn sh_degree(splats: &Splats) -> u32 {
     let coefficients = (splats.sh_degree as usize + 1).pow(2);
     let mut last = 0;
     for own in splats.sh.chunks_exact(3 * coefficients) {

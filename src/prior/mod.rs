@@ -28,6 +28,7 @@ mod ply_row;
 mod prior;
 mod replace;
 mod report;
+pub mod site;
 mod splats;
 #[cfg(feature = "formats")]
 mod spz;

@@ -218,7 +218,7 @@ impl<'a> Chain<'a> {
         for (name, words) in [
             ("records", (splats + 1) * 4 * RECORD),
             ("keys", splats),
-            ("counters", 3),
+            ("counters", 4),
             ("histogram", table.words()),
             ("coded", 64),
             ("keys 0", splats),
@@ -265,7 +265,7 @@ impl<'a> Chain<'a> {
         }
         self.set("keys", keys);
         let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
-        self.set("counters", &[UNSET, UNSET, digit_bits(largest)]);
+        self.set("counters", &[UNSET, UNSET, digit_bits(largest), UNSET]);
     }
 
     /// Runs a module on these buffers.
