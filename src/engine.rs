@@ -3,13 +3,13 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prior::analysis::PriorAnalysis;
-use crate::prior::site::Site;
+use crate::prior::blocked::BlockedPrior;
 use crate::render::arithmetic;
 use crate::render::probe::Probe;
 #[cfg(feature = "training")]
 use crate::render::training::{Trainer, TrainingPlan};
 use crate::render::{
-    Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, SiteRoom, SpawnReader,
+    Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, SpawnReader, WindowRoom,
 };
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
@@ -72,22 +72,22 @@ impl Engine {
         self.upload_analysed(prior, PriorAnalysis::of(prior), true)
     }
 
-    /// Makes a scene of a site, whose splats come and go by what cameras see. They take at most `limit` bytes of host and
-    /// device memory together, with what one renderer of them takes by splats. `reader` starts the thread that reads
-    /// blocks ahead. Pictures have the same bytes as those of the whole prior.
+    /// Makes a scene of a blocked prior, whose splats come and go by what cameras see. They take at most `limit` bytes
+    /// of host and device memory together, with what one renderer of them takes by splats. `reader` starts the thread
+    /// that reads blocks ahead. Pictures have the same bytes as those of the whole prior.
     ///
     /// A picture that shows more splats than there is room for fails with [`Error::TooManySplats`]. Renderers of one
-    /// site work in turn. A site takes no updates.
-    pub fn open_site(
+    /// prior work in turn. A blocked prior takes no updates.
+    pub fn open_blocked(
         &self,
-        site: &Arc<Site>,
+        blocked: &Arc<BlockedPrior>,
         limit: u64,
         reader: SpawnReader,
     ) -> Result<Arc<Scene>, Error> {
-        let key = PipelineKey { sh_degree: site.sh_degree(), clamped: site.clamps_alpha() };
-        let room = SiteRoom::within(site, limit, self.device.info().storage_range);
+        let key = PipelineKey { sh_degree: blocked.sh_degree(), clamped: blocked.clamps_alpha() };
+        let room = WindowRoom::within(blocked, limit, self.device.info().storage_range);
         let kernels = self.scene_kernels(&key)?;
-        Ok(Arc::new(Scene::of_site(&self.device, site, kernels, &room, reader)?))
+        Ok(Arc::new(Scene::of_blocked(&self.device, blocked, kernels, &room, reader)?))
     }
 
     fn upload_analysed(

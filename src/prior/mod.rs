@@ -2,6 +2,7 @@
 
 pub mod analysis;
 mod beside;
+pub mod blocked;
 mod check;
 mod claims;
 pub mod compact;
@@ -28,7 +29,6 @@ mod ply_row;
 mod prior;
 mod replace;
 mod report;
-pub mod site;
 mod splats;
 #[cfg(feature = "formats")]
 mod spz;

@@ -19,7 +19,7 @@ pub enum PriorFormat {
     /// A compact prior.
     Compact,
     /// A prior in blocks.
-    Site,
+    Blocked,
     /// A PLY file packed by PlayCanvas's tools.
     #[cfg(feature = "formats")]
     PlyCompressed,
@@ -36,7 +36,7 @@ impl fmt::Display for PriorFormat {
             PriorFormat::PlyLittleEndian => "PLY, binary little endian",
             PriorFormat::PlyBigEndian => "PLY, binary big endian",
             PriorFormat::Compact => "compact prior",
-            PriorFormat::Site => "site",
+            PriorFormat::Blocked => "blocked prior",
             #[cfg(feature = "formats")]
             PriorFormat::PlyCompressed => "PLY, compressed",
             #[cfg(feature = "formats")]

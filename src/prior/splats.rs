@@ -116,6 +116,20 @@ impl Splats {
         Splats { sh, sh_degree, ..self.clone() }
     }
 
+    /// The lowest degree beyond which all coefficients are zero.
+    pub(super) fn needed_sh_degree(&self) -> u32 {
+        let coefficients = (self.sh_degree as usize + 1).pow(2);
+        let mut last = 0;
+        for own in self.sh.chunks_exact(3 * coefficients) {
+            // Only coefficients after the last one found so far are looked at.
+            let behind = own[3 * (last + 1)..].chunks_exact(3);
+            if let Some(at) = behind.rev().position(|rgb| rgb.iter().any(|v| *v != 0.0)) {
+                last = coefficients - 1 - at;
+            }
+        }
+        last.isqrt() as u32
+    }
+
     /// Checks that the degree is known and that all arrays hold the same number of splats.
     pub fn check_shape(&self) -> Result<(), PriorError> {
         if self.sh_degree > Self::MAX_SH_DEGREE {

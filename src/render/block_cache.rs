@@ -1,12 +1,13 @@
-//! Blocks of a site in host memory, laid out for the device. A thread reads those that are expected next.
+//! Blocks of a blocked prior in host memory, laid out for the device. A thread reads those that are expected next.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 
 use glam::DVec3;
 
 use crate::prior::PriorError;
-use crate::prior::site::Site;
+use crate::prior::blocked::BlockedPrior;
 use crate::queue::Body;
 
 use super::splat_buffers;
@@ -22,6 +23,21 @@ pub(super) struct BlockPlanes {
 /// started.
 pub type SpawnReader = Box<dyn FnOnce(Body) -> Option<Box<dyn Send + Sync>>>;
 
+/// Starts threads of the standard library.
+pub fn reader_thread() -> SpawnReader {
+    struct Joined(Option<JoinHandle<()>>);
+    impl Drop for Joined {
+        fn drop(&mut self) {
+            // The body does not panic.
+            let _ = self.0.take().map(JoinHandle::join);
+        }
+    }
+    Box::new(|body| {
+        let thread = std::thread::Builder::new().name("nvsp-blocks".into()).spawn(body);
+        thread.ok().map(|thread| -> Box<dyn Send + Sync> { Box::new(Joined(Some(thread))) })
+    })
+}
+
 /// Blocks in host memory, at most so many splats, and the thread that reads ahead.
 pub(super) struct BlockCache {
     shared: Arc<Shared>,
@@ -30,7 +46,7 @@ pub(super) struct BlockCache {
 }
 
 struct Shared {
-    site: Arc<Site>,
+    blocked: Arc<BlockedPrior>,
     /// What positions on the device are relative to.
     centre: DVec3,
     /// Splats that there is room for.
@@ -64,7 +80,7 @@ impl Shared {
     }
 
     fn read(&self, index: u32) -> Result<Arc<BlockPlanes>, PriorError> {
-        let splats = self.site.read_block(index as usize)?;
+        let splats = self.blocked.read_block(index as usize)?;
         let which: Vec<u32> = (0..splats.len() as u32).collect();
         let count = which.len();
         Ok(Arc::new(BlockPlanes {
@@ -131,10 +147,15 @@ impl State {
 
 impl BlockCache {
     /// An empty cache with room for so many splats.
-    pub fn new(site: Arc<Site>, centre: DVec3, room: usize, spawn: SpawnReader) -> BlockCache {
-        let expected = VecDeque::with_capacity(site.blocks().len());
+    pub fn new(
+        blocked: Arc<BlockedPrior>,
+        centre: DVec3,
+        room: usize,
+        spawn: SpawnReader,
+    ) -> BlockCache {
+        let expected = VecDeque::with_capacity(blocked.blocks().len());
         let state = Mutex::new(State { expected, ..State::default() });
-        let shared = Arc::new(Shared { site, centre, room, state, changed: Condvar::new() });
+        let shared = Arc::new(Shared { blocked, centre, room, state, changed: Condvar::new() });
         let own = shared.clone();
         // Without a thread, blocks are read when they are needed.
         let thread = spawn(Box::new(move || own.read_ahead()));
@@ -172,7 +193,7 @@ impl BlockCache {
         let mut room = self.shared.room;
         for &index in blocks {
             // More than there is room for would drive itself out.
-            let splats = self.shared.site.blocks()[index as usize].splats as usize;
+            let splats = self.shared.blocked.blocks()[index as usize].splats as usize;
             if splats > room {
                 break;
             }

@@ -28,7 +28,7 @@ pub mod training;
 mod window;
 mod workspace;
 
-pub use block_cache::SpawnReader;
+pub use block_cache::{SpawnReader, reader_thread};
 pub use frame::to_byte;
 pub use jacobian::Jacobian;
 pub use kernels::{FilterKernels, Kernels, PipelineKey, SceneKernels};
@@ -40,4 +40,4 @@ pub use radix::SortPrecision;
 pub use renderer::{Job, Plan, Renderer, SearchCommands, Searched};
 pub use scene::Scene;
 pub use window::Residency;
-pub(crate) use window::SiteRoom;
+pub(crate) use window::WindowRoom;

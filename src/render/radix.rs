@@ -38,7 +38,8 @@ pub(crate) fn histogram(log_blocks: u32) -> BlockTable {
 /// A sort of keys. Culled keys are left out of the order.
 pub(crate) struct Sort<'a> {
     pub sort_precision: SortPrecision,
-    /// How many keys; `None`: one for each splat that stage `project` projected. It has counted their first digits, too.
+    /// How many keys; `None`: one for each splat that stage `project` projected. It has counted their first digits,
+    /// too.
     pub count: Option<u32>,
     /// Logarithm of the number of workgroups that share them.
     pub log_blocks: u32,

@@ -5,8 +5,8 @@ use std::sync::{Arc, MutexGuard};
 use bytemuck::Zeroable;
 
 use crate::image::Mask;
-use crate::prior::site::Block;
-use crate::search::{self, Placement, PoseCode, Program, STARTS, Search};
+use crate::prior::blocked::Block;
+use crate::search::{self, LEVELS, Placement, PoseCode, Program, STARTS, Search};
 use crate::shared::{self, CELL, Counters, PIXEL, TILE};
 use crate::vulkan::{CommandCounts, Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
@@ -121,7 +121,7 @@ pub struct Renderer {
     recorded: Vec<(Job, Commands)>,
     renders: Vec<u32>,
     times: Vec<f64>,
-    /// Where the last picture of a site was drawn.
+    /// Where the last picture of a blocked prior was drawn.
     drawn_at: Option<Pose>,
     /// Of the last search, over its submissions, if the plan is profiled.
     search_stages: Vec<StageTime>,
@@ -137,9 +137,9 @@ fn room_for(pairs: u32, storage_range: u64) -> u32 {
 /// A pixel that shows less than this share of light has no depth to speak of.
 const LEAST_SHOWN: f32 = 1e-3;
 
-/// Searches on a site after which one that still lacks blocks is taken as it is.
+/// Searches on a blocked prior after which one that still lacks blocks is taken as it is.
 const MOST_SEARCHES: usize = 4;
-/// Frames ahead for which blocks of a site are read.
+/// Frames ahead for which blocks of a blocked prior are read.
 const AHEAD: [f64; 3] = [0.0, 5.0, 15.0];
 
 /// Submissions after which a search is given up. The search's own limits let none need as many.
@@ -261,15 +261,15 @@ impl Renderer {
         loop {
             self.levels.ask(&self.scene, level, self.work.pair_capacity, pose);
             self.submit(job)?;
-            self.renders[level] += 1;
             if !self.grow(0)? {
+                self.renders[level] += 1;
                 return Ok(());
             }
         }
     }
 
-    /// Brings what a level shows at a pose to the device, and keeps it there as long as the guard is held. Only a site
-    /// needs that.
+    /// Brings what a level shows at a pose to the device, and keeps it there as long as the guard is held. Only a
+    /// blocked prior needs that.
     fn see<'a>(
         &self,
         scene: &'a Scene,
@@ -414,7 +414,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Has a site's blocks read that the frames to come may show, after one at a pose.
+    /// Has a blocked prior's blocks read that the frames to come may show, after one at a pose.
     fn read_ahead(&mut self, pose: &Pose) {
         let scene = self.scene.clone();
         let Some(window) = scene.window() else { return };
@@ -541,17 +541,17 @@ impl Renderer {
         let scene = self.scene.clone();
         let submissions = match scene.window() {
             None => self.search_there(program)?,
-            Some(window) => self.search_site(&scene, window, program)?,
+            Some(window) => self.search_blocked(&scene, window, program)?,
         };
         let code = self.framed().coded_read.read::<Coded>(1)[0].code;
         let search = &self.framed().search_read.read::<Search>(1)[0];
         Ok(Searched { search, code, submissions, times: &self.times })
     }
 
-    /// As [`search`](Self::search), on a site: brings the blocks that it may need. If an evaluation was further from its
-    /// start than that, brings more and searches again. So the outcome is that of the whole prior, unless there is no
-    /// room for all. The picture at the end is always whole.
-    fn search_site(
+    /// As [`search`](Self::search), on a blocked prior: brings the blocks that it may need. If an evaluation was
+    /// further from its start than that, brings more and searches again. So the outcome is that of the whole prior,
+    /// unless there is no room for all. The picture at the end is always whole.
+    fn search_blocked(
         &mut self,
         scene: &Scene,
         window: &Window,
@@ -559,7 +559,14 @@ impl Renderer {
     ) -> Result<u32, Error> {
         let starts = &program.starts[..program.count as usize];
         let (mut reach, mut submissions, mut complete) = (window.searched(), 0, false);
-        for _ in 0..MOST_SEARCHES {
+        let (mut renders, levels) = ([0; LEVELS], self.renders.len());
+        renders[..levels].copy_from_slice(&self.renders);
+        for searches in 0..MOST_SEARCHES {
+            if searches > 0 {
+                window.note_repeated();
+            }
+            // Trackers have budgets of renders. They must decide as with the whole prior, so repetitions do not count.
+            self.renders.copy_from_slice(&renders[..levels]);
             let seen = self.see_search(scene, window, starts, reach);
             let (seen, whole) = match seen {
                 Err(Error::TooManySplats { .. }) => {
@@ -585,7 +592,9 @@ impl Renderer {
         let near = scene.splats.options.near;
         let sight = Sight::new([*self.camera(0)].into_iter(), near, &pose, Reach::NONE);
         if !window.has(|block| sight.may_show(block)) {
+            let renders = self.renders[0];
             self.draw_coded_as_planned(&code)?;
+            self.renders[0] = renders;
         } else {
             self.read_ahead(&pose);
         }
@@ -636,13 +645,13 @@ impl Renderer {
                     break;
                 }
             }
-            let by_level = self.searched().by_level;
-            for (renders, count) in self.renders.iter_mut().zip(by_level) {
-                *renders += count;
-            }
-            self.renders[0] += 1;
             let needed = self.searched().pairs_needed;
             if !self.grow(needed)? {
+                let by_level = self.searched().by_level;
+                for (renders, count) in self.renders.iter_mut().zip(by_level) {
+                    *renders += count;
+                }
+                self.renders[0] += 1;
                 return Ok(submissions);
             }
         }
@@ -680,7 +689,7 @@ impl Renderer {
         Ok(self.levels.normal_equations(level))
     }
 
-    /// Renders so far, by level.
+    /// Renders so far, by level. What was done again for lack of room counts once.
     pub fn renders(&self) -> &[u32] {
         &self.renders
     }

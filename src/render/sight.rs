@@ -1,8 +1,8 @@
-//! What cameras near a pose can see: which blocks of a site a picture needs.
+//! What cameras near a pose can see: which blocks of a blocked prior a picture needs.
 
 use glam::{DMat3, DVec3};
 
-use crate::prior::site::Block;
+use crate::prior::blocked::Block;
 use crate::shared::{DILATION, EXTENT_MAX, frustum};
 use crate::{Camera, Pose};
 
@@ -40,11 +40,11 @@ const ROUNDING: f64 = 1.0;
 
 /// A camera at a pose or within its reach. Tests for blocks are conservative: a block that is not seen shows nothing.
 ///
-/// A splat with standard deviations up to σ, at (x, y, z) of the camera, is drawn within
-/// `EXTENT_MAX · (f/z · √(1 + t²) · σ + √DILATION)` pixels around its mean `c + f x/z`: `J Σ Jᵀ ≤ (f/z)² (1 + t²) σ²`, with
-/// the ray's slope t limited to the frustum and its margin. So it shows nothing in a picture of W pixels if
-/// `x − z (W − c + EXTENT_MAX √DILATION)/f > EXTENT_MAX √(1 + t²) σ`, and the same on the other sides. That is linear in
-/// the splat's place, and the least value over a box is known.
+/// A splat with standard deviations up to σ, at (x, y, z) of the camera, is drawn within `EXTENT_MAX · (f/z · √(1 + t²)
+/// · σ + √DILATION)` pixels around its mean `c + f x/z`: `J Σ Jᵀ ≤ (f/z)² (1 + t²) σ²`, with the ray's slope t limited
+/// to the frustum and its margin. So it shows nothing in a picture of W pixels if `x − z (W − c + EXTENT_MAX
+/// √DILATION)/f > EXTENT_MAX √(1 + t²) σ`, and the same on the other sides. That is linear in the splat's place, and
+/// the least value over a box is known.
 pub(crate) struct Sight {
     rotation: DMat3,
     centre: DVec3,

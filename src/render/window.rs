@@ -1,6 +1,6 @@
-//! The window on a site: the splats of those blocks that cameras see, as the device holds them.
+//! The window on a blocked prior: the splats of those blocks that cameras see, as the device holds them.
 //!
-//! They lie in the planes in the order of the site, one block behind the other, so that equal depths are in the order
+//! They lie in the planes in the order of the prior, one block behind the other, so that equal depths are in the order
 //! that they have if all blocks are there. What is not there shows nothing. So a picture has the same bytes.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use glam::DVec3;
 
 use crate::prior::analysis::splat_bytes;
-use crate::prior::site::{Block, Site};
+use crate::prior::blocked::{Block, BlockedPrior};
 use crate::shared::{GEOMETRY_PLANES, RECORD, sh_planes};
 use crate::vulkan::{Buffer, Device, Error, Memory, Part, Recorder, Timing};
 
@@ -22,27 +22,27 @@ const PER_RENDERER: u64 = 16 * RECORD as u64 + 24;
 /// Splats that are copied to the device at once.
 const COPIED: usize = 1 << 15;
 
-/// How many splats of a site there is room for.
+/// How many splats of a blocked prior there is room for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SiteRoom {
+pub(crate) struct WindowRoom {
     /// On the device.
     pub device: usize,
     /// In host memory.
     pub host: usize,
 }
 
-impl SiteRoom {
-    /// The room that `limit` bytes give a site, its host memory and one renderer's included.
-    pub fn within(site: &Site, limit: u64, storage_range: u64) -> SiteRoom {
-        let planes = GEOMETRY_PLANES.max(sh_planes(site.sh_degree()));
-        let own = splat_bytes(site.sh_degree());
+impl WindowRoom {
+    /// The room that `limit` bytes give a blocked prior, its host memory and one renderer's included.
+    pub fn within(blocked: &BlockedPrior, limit: u64, storage_range: u64) -> WindowRoom {
+        let planes = GEOMETRY_PLANES.max(sh_planes(blocked.sh_degree()));
+        let own = splat_bytes(blocked.sh_degree());
         // Host memory holds half as many again as the device: what is expected next.
         let each = own + own * 3 / 2 + PER_RENDERER;
         let by_limit = limit / each;
         let by_range = storage_range / (8 * u64::from(planes)).max(16 * u64::from(RECORD)) - 1;
-        let device = by_limit.min(by_range).min(site.len() as u64).max(1) as usize;
-        let host = (by_limit + by_limit / 2).min(site.len() as u64).max(1) as usize;
-        SiteRoom { device, host }
+        let device = by_limit.min(by_range).min(blocked.len() as u64).max(1) as usize;
+        let host = (by_limit + by_limit / 2).min(blocked.len() as u64).max(1) as usize;
+        WindowRoom { device, host }
     }
 }
 
@@ -61,13 +61,16 @@ pub struct Residency {
     pub changes: u64,
     /// Blocks that a frame waited for: they were not read ahead.
     pub waits: u64,
+    /// Searches that were done again, since evaluations went further than blocks had been brought. They are not in the
+    /// counts of renders.
+    pub repeated: u64,
     /// Searches in which evaluations lacked blocks, since there was no room for all.
     pub incomplete: u64,
 }
 
-/// The blocks of a site that the device holds, and how they get there.
+/// The blocks of a blocked prior that the device holds, and how they get there.
 pub(crate) struct Window {
-    site: Arc<Site>,
+    blocked: Arc<BlockedPrior>,
     cache: BlockCache,
     device: Device,
     room: usize,
@@ -86,7 +89,7 @@ struct Ahead {
 
 /// What the planes hold.
 pub(crate) struct Content {
-    /// Blocks, in the order of the site.
+    /// Blocks, in the order of the prior.
     listed: Vec<u32>,
     /// The same, by block.
     is_listed: Vec<bool>,
@@ -98,12 +101,12 @@ impl Window {
     /// An empty window.
     pub fn new(
         device: &Device,
-        site: &Arc<Site>,
-        room: &SiteRoom,
+        blocked: &Arc<BlockedPrior>,
+        room: &WindowRoom,
         spawn: SpawnReader,
     ) -> Result<Window, Error> {
-        let centre = DVec3::from(site.coordinate_frame().centre.map(f64::from));
-        let (count, copied) = (site.blocks().len(), COPIED.min(room.device));
+        let centre = DVec3::from(blocked.coordinate_frame().centre.map(f64::from));
+        let (count, copied) = (blocked.blocks().len(), COPIED.min(room.device));
         let staged = |name, planes: u32| {
             Buffer::new::<[f32; 2]>(device, name, planes as usize * copied, Memory::Upload)
         };
@@ -112,16 +115,16 @@ impl Window {
             is_listed: vec![false; count],
             staged: [
                 staged("geometry on its way", GEOMETRY_PLANES)?,
-                staged("spherical harmonics on their way", sh_planes(site.sh_degree()))?,
+                staged("spherical harmonics on their way", sh_planes(blocked.sh_degree()))?,
             ],
             residency: Residency { room: room.device, ..Residency::default() },
         };
         Ok(Window {
-            cache: BlockCache::new(site.clone(), centre, room.host, spawn),
-            site: site.clone(),
+            cache: BlockCache::new(blocked.clone(), centre, room.host, spawn),
+            blocked: blocked.clone(),
             device: device.clone(),
             room: room.device,
-            edge: typical_edge(site),
+            edge: blocked.typical_edge(),
             content: Mutex::new(content),
             ahead: Mutex::new(Ahead {
                 blocks: Vec::with_capacity(count),
@@ -147,7 +150,7 @@ impl Window {
     /// Whether all blocks that `needed` names are there.
     pub fn has(&self, needed: impl Fn(&Block) -> bool) -> bool {
         let content = self.content();
-        let blocks = self.site.blocks().iter().zip(&content.is_listed);
+        let blocks = self.blocked.blocks().iter().zip(&content.is_listed);
         blocks.into_iter().all(|(block, there)| *there || !needed(block))
     }
 
@@ -163,12 +166,12 @@ impl Window {
         wanted: impl Fn(&Block) -> bool,
     ) -> Result<MutexGuard<'_, Content>, Error> {
         let mut content = self.content();
-        let blocks = || self.site.blocks().iter().zip(0..);
+        let blocks = || self.blocked.blocks().iter().zip(0..);
         if blocks().all(|(block, i)| content.is_listed[i as usize] || !needed(block)) {
             return Ok(content);
         }
         let splats_of = |list: &[u32]| -> u64 {
-            list.iter().map(|i| u64::from(self.site.blocks()[*i as usize].splats)).sum()
+            list.iter().map(|i| u64::from(self.blocked.blocks()[*i as usize].splats)).sum()
         };
         let list = |which: &dyn Fn(&Block) -> bool| -> Vec<u32> {
             blocks().filter(|(block, _)| which(block)).map(|(_, i)| i).collect()
@@ -192,7 +195,7 @@ impl Window {
         blocks.clear();
         named.fill(false);
         for sight in sights {
-            for (block, index) in self.site.blocks().iter().zip(0..) {
+            for (block, index) in self.blocked.blocks().iter().zip(0..) {
                 if !named[index as usize] && sight.may_show(block) {
                     named[index as usize] = true;
                     blocks.push(index);
@@ -211,11 +214,11 @@ impl Window {
     ) -> Result<(), Error> {
         let unread = |error| Error::Unread(Box::new(error));
         let same = next.iter().zip(&content.listed).take_while(|(a, b)| a == b).count();
-        let splats_of = |i: &u32| self.site.blocks()[*i as usize].splats as usize;
+        let splats_of = |i: &u32| self.blocked.blocks()[*i as usize].splats as usize;
         let mut at: usize = next[..same].iter().map(splats_of).sum();
         // What follows may fail midway: then only what stays in place is there.
         content.keep(same);
-        splats.hold(at as u32, self.site.radius());
+        splats.hold(at as u32, self.blocked.radius());
         let mut batch = Vec::new();
         let mut batched = 0;
         for index in &next[same..] {
@@ -239,8 +242,8 @@ impl Window {
         let (blocks, host) = (content.listed.len(), self.cache.splats() as u64);
         content.residency.blocks = blocks;
         content.residency.splats = at;
-        content.residency.host_bytes = host * splat_bytes(self.site.sh_degree());
-        splats.hold(at as u32, self.site.radius());
+        content.residency.host_bytes = host * splat_bytes(self.blocked.sh_degree());
+        splats.hold(at as u32, self.blocked.radius());
         Ok(())
     }
 
@@ -256,7 +259,7 @@ impl Window {
         if count == 0 {
             return Ok(());
         }
-        let degree = self.site.sh_degree();
+        let degree = self.blocked.sh_degree();
         let mut recorder = Recorder::new(&self.device, Timing::None)?;
         let [geometry, sh] = &mut content.staged;
         stage(geometry, GEOMETRY_PLANES, count, batch, |planes| &planes.geometry);
@@ -277,6 +280,11 @@ impl Window {
         self.content().residency
     }
 
+    /// Notes that a search is done again, with more blocks.
+    pub fn note_repeated(&self) {
+        self.content().residency.repeated += 1;
+    }
+
     /// Notes a search that lacked blocks.
     pub fn note_incomplete(&self) {
         self.content().residency.incomplete += 1;
@@ -290,17 +298,6 @@ impl Content {
             self.is_listed[index as usize] = false;
         }
     }
-}
-
-fn typical_edge(site: &Site) -> f64 {
-    let longest = |block: &Block| {
-        let sides =
-            (0..3).map(|axis| f64::from(block.greatest[axis]) - f64::from(block.least[axis]));
-        sides.fold(0.0, f64::max)
-    };
-    let mut edges: Vec<f64> = site.blocks().iter().map(longest).collect();
-    edges.sort_unstable_by(f64::total_cmp);
-    edges[edges.len() / 2]
 }
 
 /// Writes a kind of planes of some blocks, so that each plane holds all of them.

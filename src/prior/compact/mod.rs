@@ -70,7 +70,7 @@ pub fn write(
         u32::try_from(splats.len()).map_err(|_| PriorError::TooMany { count: splats.len() })?;
     let coded = Coded::of(splats, quantisation)?;
     let kept = coded.splats(splats.sh_degree, quantisation);
-    let id = identity_of(&kept, options, None);
+    let id = identity_of(&kept, options, None, None);
     let header = Header {
         sh_degree: splats.sh_degree,
         key_frames: !key_frames.is_empty(),
@@ -100,7 +100,7 @@ pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, 
 pub fn with_coder_tables(bytes: &[u8], tables: Option<&Tables>) -> Result<Vec<u8>, PriorError> {
     let file = read(bytes)?;
     let parts = Parts::of(bytes)?;
-    let id = identity_of(&file.splats, &file.options, tables);
+    let id = identity_of(&file.splats, &file.options, tables, None);
     let header = Header { coder_tables: tables.is_some(), id, ..parts.header };
     Ok(assembled(&header, &parts.preprocessing, &parts.key_frames, tables, parts.stream))
 }
@@ -149,7 +149,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     })?;
     let coded = Coded { grid: header.grid, ranks, columns };
     let splats = coded.splats(header.sh_degree, &header.quantisation);
-    let found = identity_of(&splats, &header.options, coder_tables.as_ref());
+    let found = identity_of(&splats, &header.options, coder_tables.as_ref(), None);
     if found != header.id {
         return Err(PriorError::Identity { stated: header.id, found });
     }
@@ -161,6 +161,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         key_frames,
         coder_tables,
         preprocessing,
+        frame: None,
     })
 }
 

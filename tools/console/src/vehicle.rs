@@ -130,10 +130,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mode = args.mode.mode(true)?;
     let frames = Frames::open(&args.input, args.raw, args.forth_and_back)?;
     let socket = endpoint::connect(args.to)?;
-    let prior = args.prior.open()?;
     let engine = args.device.open()?;
-    let scene =
-        if args.learn { engine.upload_for_updates(&prior)? } else { engine.upload(&prior)? };
+    let scene = match args.learn {
+        true => args.prior.upload_for_updates(&engine)?,
+        false => args.prior.upload(&engine)?,
+    };
     let (threshold, frames_treated) = (args.threshold, false);
     let tune = args.tune.tune();
     let options = VehicleOptions {

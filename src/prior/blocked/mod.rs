@@ -1,9 +1,9 @@
-//! A site, `.nvss`: a prior in blocks, for scenes that do not fit into the memory of a vehicle.
+//! A blocked prior, `.nvsb`: a prior in blocks, for scenes that do not fit into the memory of a vehicle.
 //!
-//! The bytes: `docs/format/prior.md`. Each block is a compact prior of at most [`MAX_BLOCK`] splats. The head says where
-//! each block lies in the file and in space, so that those that a camera can see are read without the others. A site
-//! has the identity of a prior of all its splats, in the order of the file. So one side of a link may hold it whole, and
-//! the other in blocks: their pictures have the same bytes.
+//! The bytes: `docs/format/prior.md`. Each block is a compact prior of at most [`MAX_BLOCK`] splats. The head says
+//! where each block lies in the file and in space, so that those that a camera can see are read without the others. A
+//! blocked prior has the identity of a prior of all its splats, in the order of the file. So one side of a link may
+//! hold it whole, and the other in blocks: their pictures have the same bytes.
 
 mod divide;
 mod head;
@@ -24,19 +24,20 @@ use crate::coder_tables::Tables;
 use crate::image::Preprocessing;
 pub use head::{Block, MAGIC, MAX_BLOCK};
 use head::{Head, START};
-pub use write::{SiteSummary, SiteWriter};
+pub use write::{BlockedSummary, BlockedWriter, Extras};
 
-/// A site whose splats are read block by block. Its head is checked when it is opened, a block when it is read.
+/// A blocked prior whose splats are read block by block. Its head is checked when it is opened, a block when it is
+/// read.
 #[derive(Debug)]
-pub struct Site {
+pub struct BlockedPrior {
     file: File,
     path: PathBuf,
     head: Head,
 }
 
-impl Site {
-    /// Opens a site and reads its head. The file must stay as it is, as long as it is open.
-    pub fn open(path: &Path) -> Result<Site, PriorError> {
+impl BlockedPrior {
+    /// Opens a blocked prior and reads its head. The file must stay as it is, as long as it is open.
+    pub fn open(path: &Path) -> Result<BlockedPrior, PriorError> {
         let in_file = |error: PriorError| error.in_file(&path.display().to_string());
         let unread = |error| in_file(PriorError::Read(error));
         let file = File::open(path).map_err(unread)?;
@@ -51,10 +52,10 @@ impl Site {
         let mut head = vec![0; bytes];
         file.read_exact_at(&mut head, 0).map_err(unread)?;
         let head = Head::read(&head, size).map_err(in_file)?;
-        Ok(Site { file, path: path.to_owned(), head })
+        Ok(BlockedPrior { file, path: path.to_owned(), head })
     }
 
-    /// Whether the file at `path` begins as a site does.
+    /// Whether the file at `path` begins as a blocked prior does.
     pub fn is_at(path: &Path) -> bool {
         let mut start = [0; MAGIC.len()];
         let read = File::open(path).and_then(|file| file.read_exact_at(&mut start, 0));
@@ -62,7 +63,7 @@ impl Site {
     }
 
     /// Number of splats; never zero.
-    #[allow(clippy::len_without_is_empty)] // A site is never empty.
+    #[allow(clippy::len_without_is_empty)] // A blocked prior is never empty.
     pub fn len(&self) -> usize {
         self.head.splats
     }
@@ -95,6 +96,11 @@ impl Site {
     /// The frame in which packets state camera positions.
     pub fn coordinate_frame(&self) -> CoordinateFrame {
         self.head.frame
+    }
+
+    /// The median, over blocks, of the longest side of their boxes, the prior's unit.
+    pub fn typical_edge(&self) -> f64 {
+        head::typical_edge(&self.head.blocks)
     }
 
     /// No splat's middle is further than this from the centre of the coordinate frame.
@@ -130,7 +136,7 @@ impl Site {
     }
 }
 
-/// Reads a site whole. Memory depends on the content's size, as for a compact prior.
+/// Reads a blocked prior whole. Memory depends on the content's size, as for a compact prior.
 pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let size = bytes.len() as u64;
     let truncated = PriorError::Truncated { needed: START as u128, found: bytes.len() };
@@ -141,22 +147,20 @@ pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         let own = &bytes[block.offset as usize..][..block.bytes as usize];
         splats.append(&mut head.splats_of(index, own)?);
     }
-    let frame = CoordinateFrame::of(&splats.positions);
-    if frame != head.frame {
-        return Err(head::refusal(48, "the splats have another coordinate frame".into()));
-    }
-    let found = identity_of(&splats, &head.options, head.besides.coder_tables.as_ref());
+    let tables = head.besides.coder_tables.as_ref();
+    let found = identity_of(&splats, &head.options, tables, Some(&head.frame));
     if found != head.id {
         return Err(PriorError::Identity { stated: head.id, found });
     }
     Ok(PriorFile {
         splats,
         options: head.options,
-        format: PriorFormat::Site,
+        format: PriorFormat::Blocked,
         comments: Vec::new(),
         key_frames: head.besides.key_frames,
         coder_tables: head.besides.coder_tables,
         preprocessing: head.besides.preprocessing,
+        frame: Some(head.frame),
     })
 }
 

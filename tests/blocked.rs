@@ -1,4 +1,4 @@
-//! A site in blocks draws, searches and encodes as the whole prior does, within the memory that it is given.
+//! A blocked prior in blocks draws, searches and encodes as the whole prior does, within the memory that it is given.
 
 mod common;
 
@@ -8,8 +8,8 @@ use std::sync::Arc;
 use common::{assert_silent, camera, engine, random_splats};
 use glam::{DQuat, DVec3};
 use nvsprior::prior::Splats;
-use nvsprior::prior::site::{Site, SiteWriter};
-use nvsprior::render::{Plan, Residency, Scene, SpawnReader};
+use nvsprior::prior::blocked::{BlockedPrior, BlockedWriter, Extras};
+use nvsprior::render::{Plan, Residency, Scene, SpawnReader, reader_thread};
 use nvsprior::vulkan::Error as VulkanError;
 use nvsprior::{
     Camera, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Pose, Prior, Rate,
@@ -44,44 +44,38 @@ fn at(t: f64) -> Pose {
     Pose::from_centre(DQuat::from_rotation_y(0.15 * (0.11 * t).sin()), centre)
 }
 
-struct Sites {
+struct Wall {
     engine: Engine,
     whole: Arc<Scene>,
-    site: Arc<Site>,
+    blocked: Arc<BlockedPrior>,
     _folder: tempfile::TempDir,
-}
-
-/// A thread of the standard library.
-fn reader() -> SpawnReader {
-    struct Joined(Option<std::thread::JoinHandle<()>>);
-    impl Drop for Joined {
-        fn drop(&mut self) {
-            self.0.take().unwrap().join().unwrap();
-        }
-    }
-    Box::new(|body| Some(Box::new(Joined(Some(std::thread::spawn(body))))))
 }
 
 fn nobody() -> SpawnReader {
     Box::new(|_| None)
 }
 
-fn site_at(path: &Path, prior: &Prior, block: usize) -> Site {
+fn blocked_at(path: &Path, prior: &Prior, block: usize) -> BlockedPrior {
     let file = std::fs::File::create(path).unwrap();
-    let writer = SiteWriter { block, ..SiteWriter::default() };
-    writer.write(prior, file, &mut |_| ()).unwrap();
-    Site::open(path).unwrap()
+    let writer = BlockedWriter { block, ..BlockedWriter::default() };
+    let extras = Extras {
+        key_frames: prior.key_frames(),
+        coder_tables: None,
+        preprocessing: prior.preprocessing(),
+    };
+    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    BlockedPrior::open(path).unwrap()
 }
 
-fn sites() -> Sites {
+fn scenes() -> Wall {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("wall.nvss");
-    let site = Arc::new(site_at(&path, &wall(), 256));
+    let path = folder.path().join("wall.nvsb");
+    let blocked = Arc::new(blocked_at(&path, &wall(), 256));
     let engine = engine();
     let whole = Prior::open(&path, &RenderOverrides::default()).unwrap();
-    assert_eq!(whole.id(), site.id());
+    assert_eq!(whole.id(), blocked.id());
     let whole = engine.upload(&whole).unwrap();
-    Sites { engine, whole, site, _folder: folder }
+    Wall { engine, whole, blocked, _folder: folder }
 }
 
 /// Bytes for about so many splats.
@@ -93,9 +87,9 @@ const CAMERA: Camera = Camera { width: 160, height: 90, fx: 137.0, fy: 137.0, cx
 
 #[test]
 fn pictures_have_the_same_bytes() {
-    let Sites { engine, whole, site, _folder } = sites();
-    for (splats, spawn) in [(6000, reader()), (4000, nobody())] {
-        let scene = engine.open_site(&site, limit(splats), spawn).unwrap();
+    let Wall { engine, whole, blocked, _folder } = scenes();
+    for (splats, spawn) in [(6000, reader_thread()), (4000, nobody())] {
+        let scene = engine.open_blocked(&blocked, limit(splats), spawn).unwrap();
         assert_eq!(scene.id(), whole.id());
         let mut pictures = [Picture::new(160, 90), Picture::new(160, 90)];
         let mut renderers =
@@ -112,7 +106,7 @@ fn pictures_have_the_same_bytes() {
             most = most.max(scene.residency().unwrap().splats);
         }
         let Residency { changes, room, host_bytes, .. } = scene.residency().unwrap();
-        assert!(most <= room && room <= site.len() / 2, "{most} of {room} of {}", site.len());
+        assert!(most <= room && room <= blocked.len() / 2, "{most} of {room} of {}", blocked.len());
         assert!(changes > 3, "{changes}");
         assert!(host_bytes <= limit(splats));
     }
@@ -138,7 +132,7 @@ fn flight(engine: &Engine, scenes: [&Arc<Scene>; 2], frames: &[Picture]) -> Vec<
 
 #[test]
 fn a_flight_gives_the_same_packets() {
-    let Sites { engine, whole, site, _folder } = sites();
+    let Wall { engine, whole, blocked, _folder } = scenes();
     let mut renderer = engine.renderer(&whole, &CAMERA, Plan::picture()).unwrap();
     let frames: Vec<Picture> = (0..100)
         .map(|i| {
@@ -156,24 +150,25 @@ fn a_flight_gives_the_same_packets() {
         })
         .collect();
     let expected = flight(&engine, [&whole, &whole], &frames);
-    let scenes = [0; 2].map(|_| engine.open_site(&site, limit(7000), reader()).unwrap());
+    let scenes =
+        [0; 2].map(|_| engine.open_blocked(&blocked, limit(7000), reader_thread()).unwrap());
     let packets = flight(&engine, [&scenes[0], &scenes[1]], &frames);
-    assert!(packets == expected, "packets of a site in blocks");
+    assert!(packets == expected, "packets of a blocked in blocks");
     for scene in scenes {
         let residency = scene.residency().unwrap();
         assert_eq!(residency.incomplete, 0);
         assert!(residency.changes > 3, "{residency:?}");
     }
     // One side whole, the other in blocks, on one scene for both.
-    let scene = engine.open_site(&site, limit(7000), nobody()).unwrap();
+    let scene = engine.open_blocked(&blocked, limit(7000), nobody()).unwrap();
     assert!(flight(&engine, [&scene, &scene], &frames) == expected, "one scene for both sides");
     assert_silent(&engine);
 }
 
 #[test]
 fn too_little_memory_is_refused_and_recovered_from() {
-    let Sites { engine, site, _folder, .. } = sites();
-    let scene = engine.open_site(&site, limit(600), nobody()).unwrap();
+    let Wall { engine, blocked, _folder, .. } = scenes();
+    let scene = engine.open_blocked(&blocked, limit(600), nobody()).unwrap();
     let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture()).unwrap();
     let mut picture = Picture::new(160, 90);
     let error = renderer.picture(&pose(60), &mut picture).unwrap_err();
@@ -188,9 +183,9 @@ fn too_little_memory_is_refused_and_recovered_from() {
 #[test]
 fn a_block_that_cannot_be_read_fails_its_frame_alone() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("wall.nvss");
-    let site = Arc::new(site_at(&path, &wall(), 256));
-    let block = site.blocks()[site.blocks().len() / 2];
+    let path = folder.path().join("wall.nvsb");
+    let blocked = Arc::new(blocked_at(&path, &wall(), 256));
+    let block = blocked.blocks()[blocked.blocks().len() / 2];
     let mut bytes = std::fs::read(&path).unwrap();
     bytes[(block.offset + u64::from(block.bytes) / 2) as usize] ^= 1;
     // In place: the file stays open.
@@ -201,7 +196,7 @@ fn a_block_that_cannot_be_read_fails_its_frame_alone() {
     )
     .unwrap();
     let engine = engine();
-    let scene = engine.open_site(&site, limit(6000), reader()).unwrap();
+    let scene = engine.open_blocked(&blocked, limit(6000), reader_thread()).unwrap();
     let mut renderer = engine.renderer(&scene, &camera(64, 36), Plan::picture()).unwrap();
     let mut picture = Picture::new(64, 36);
     let drawn = (0..220).step_by(5).map(|i| renderer.picture(&pose(i), &mut picture));
@@ -209,5 +204,5 @@ fn a_block_that_cannot_be_read_fails_its_frame_alone() {
     let failed = results.iter().filter(|result| result.is_err()).count();
     assert!(failed > 0 && failed < results.len() / 2, "{failed} of {}", results.len());
     let error = results.into_iter().find_map(Result::err).unwrap().to_string();
-    assert!(error.contains("wall.nvss: block") && error.contains("damaged"), "{error}");
+    assert!(error.contains("wall.nvsb: block") && error.contains("damaged"), "{error}");
 }

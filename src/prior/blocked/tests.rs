@@ -2,8 +2,14 @@ use super::super::tests::sample_splats;
 use super::super::{Prior, RenderOptions, RenderOverrides};
 use super::*;
 
-/// A prior of splats along a line, and its site in blocks of 8.
-fn sample() -> (Prior, Vec<u8>, SiteSummary) {
+const NO_EXTRAS: Extras = Extras {
+    key_frames: &KeyFrames::NONE,
+    coder_tables: None,
+    preprocessing: &Preprocessing::NONE,
+};
+
+/// A prior of splats along a line, and its blocked form in blocks of 8.
+fn sample() -> (Prior, Vec<u8>, BlockedSummary) {
     let mut splats = sample_splats(100, 1);
     for (i, position) in splats.positions.iter_mut().enumerate() {
         position[0] += 3.0 * (i * 37 % 100) as f32;
@@ -11,17 +17,18 @@ fn sample() -> (Prior, Vec<u8>, SiteSummary) {
     splats.opacity_logits[7] = -12.0;
     let prior = Prior::from_splats(splats, RenderOptions::INRIA).unwrap();
     let mut bytes = Vec::new();
-    let writer = SiteWriter { block: 8, ..SiteWriter::default() };
-    let summary = writer.write(&prior, &mut bytes, &mut |_| ()).unwrap();
+    let writer = BlockedWriter { block: 8, ..BlockedWriter::default() };
+    let summary =
+        writer.write(prior.splats(), prior.options(), &NO_EXTRAS, &mut bytes, &mut |_| ()).unwrap();
     (prior, bytes, summary)
 }
 
-/// A site in a file of its own.
-fn opened(bytes: &[u8]) -> (tempfile::NamedTempFile, Result<Site, PriorError>) {
+/// A blocked prior in a file of its own.
+fn opened(bytes: &[u8]) -> (tempfile::NamedTempFile, Result<BlockedPrior, PriorError>) {
     let file = tempfile::NamedTempFile::new().unwrap();
     std::fs::write(file.path(), bytes).unwrap();
-    let site = Site::open(file.path());
-    (file, site)
+    let blocked = BlockedPrior::open(file.path());
+    (file, blocked)
 }
 
 /// With the check of the head as it should be.
@@ -35,17 +42,17 @@ fn checked(mut bytes: Vec<u8>) -> Vec<u8> {
 #[test]
 fn a_site_is_the_prior_of_its_blocks() {
     let (prior, bytes, summary) = sample();
-    let whole = Prior::from_bytes(&bytes, "site", &RenderOverrides::default()).unwrap();
+    let whole = Prior::from_bytes(&bytes, "blocked", &RenderOverrides::default()).unwrap();
     assert_eq!((whole.id(), whole.len()), (summary.id, prior.len() - 1), "one shows nothing");
-    let (_file, site) = opened(&bytes);
-    let site = site.unwrap();
-    assert_eq!((site.id(), site.len()), (whole.id(), whole.len()));
-    assert_eq!(site.coordinate_frame(), whole.coordinate_frame());
-    assert_eq!((summary.blocks, summary.unseen), (site.blocks().len(), 1));
-    assert!(site.blocks().len() >= 99 / 8);
+    let (_file, blocked) = opened(&bytes);
+    let blocked = blocked.unwrap();
+    assert_eq!((blocked.id(), blocked.len()), (whole.id(), whole.len()));
+    assert_eq!(blocked.coordinate_frame(), whole.coordinate_frame());
+    assert_eq!((summary.blocks, summary.unseen), (blocked.blocks().len(), 1));
+    assert!(blocked.blocks().len() >= 99 / 8);
     let mut splats = Splats { sh_degree: 1, ..Splats::default() };
-    for index in 0..site.blocks().len() {
-        splats.append(&mut site.read_block(index).unwrap());
+    for index in 0..blocked.blocks().len() {
+        splats.append(&mut blocked.read_block(index).unwrap());
     }
     assert_eq!(&splats, whole.splats());
 }
@@ -61,15 +68,15 @@ fn what_a_head_says_must_be_true() {
         checked(bytes)
     };
     for at in [entry + 20, entry + 32, 64] {
-        let (_file, site) = opened(&shrink(at));
-        let first = site.and_then(|site| site.read_block(0));
+        let (_file, blocked) = opened(&shrink(at));
+        let first = blocked.and_then(|blocked| blocked.read_block(0));
         assert!(first.is_err(), "byte {at}");
-        let whole = Prior::from_bytes(&shrink(at), "site", &RenderOverrides::default());
+        let whole = Prior::from_bytes(&shrink(at), "blocked", &RenderOverrides::default());
         assert!(whole.is_err(), "byte {at}");
     }
     let mut other = bytes.clone();
     other[12] ^= 1;
-    let whole = Prior::from_bytes(&checked(other), "site", &RenderOverrides::default());
+    let whole = Prior::from_bytes(&checked(other), "blocked", &RenderOverrides::default());
     assert!(whole.unwrap_err().to_string().contains("not"), "another identity");
 }
 

@@ -1,15 +1,15 @@
-//! The head of a site's file.
+//! The head of a blocked prior's file.
 
 use super::super::compact::{self, Besides};
 use super::super::limits::MAX_SPLATS;
 use super::super::{CoordinateFrame, PriorError, PriorId, RenderOptions, Splats};
 
-/// How a site starts.
-pub const MAGIC: [u8; 4] = *b"nvss";
+/// How a blocked prior starts.
+pub const MAGIC: [u8; 4] = *b"nvsb";
 /// Most splats of a block.
 pub const MAX_BLOCK: usize = 16_384;
 
-const FORMAT: &str = "site";
+const FORMAT: &str = "blocked prior";
 const VERSION: u8 = 1;
 /// Bytes before the blocks' entries.
 const FIXED: usize = 68;
@@ -20,7 +20,7 @@ const CHECK: usize = 4;
 /// Bytes that tell the size of the head.
 pub const START: usize = 12;
 
-/// A part of a site, and where its splats lie.
+/// A part of a blocked prior, and where its splats lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
     /// Splats.
@@ -37,7 +37,7 @@ pub struct Block {
     pub offset: u64,
 }
 
-/// All that a site's file holds besides the blocks.
+/// All that a blocked prior's file holds besides the blocks.
 pub struct Head {
     pub sh_degree: u32,
     pub options: RenderOptions,
@@ -52,7 +52,13 @@ pub struct Head {
 
 impl std::fmt::Debug for Head {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "site {} of {} splats in {} blocks", self.id, self.splats, self.blocks.len())
+        write!(
+            f,
+            "blocked prior {} of {} splats in {} blocks",
+            self.id,
+            self.splats,
+            self.blocks.len()
+        )
     }
 }
 
@@ -210,4 +216,15 @@ impl Head {
         }
         Ok(blocks)
     }
+}
+
+/// The median, over blocks, of the longest side of their boxes.
+pub fn typical_edge(blocks: &[Block]) -> f64 {
+    let longest = |block: &Block| {
+        let side = |axis: usize| f64::from(block.greatest[axis]) - f64::from(block.least[axis]);
+        (0..3).map(side).fold(0.0, f64::max)
+    };
+    let mut edges: Vec<f64> = blocks.iter().map(longest).collect();
+    edges.sort_unstable_by(f64::total_cmp);
+    edges.get(edges.len() / 2).copied().unwrap_or(0.0)
 }
