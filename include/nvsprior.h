@@ -234,6 +234,9 @@ typedef struct nvsp_prior_options {
   uint32_t antialiased;
   // Linear RGB behind everything, 0 to 1.
   float background[3];
+  // Most memory for the splats of a prior in blocks (.nvsb), host and device together, MiB; 0: it is loaded whole.
+  // See nvsp_prior_open.
+  uint32_t blocks_memory;
 } nvsp_prior_options;
 
 // A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
@@ -247,11 +250,11 @@ typedef struct nvsp_prior_options {
 typedef struct nvsp_prior nvsp_prior;
 
 // Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
-// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
-// .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed afterwards, and no copy
-// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
-// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
-// is packed.
+// trainer and nerfstudio write it, a compact prior (.nvsg) or a prior in blocks (.nvsb); with the feature "formats"
+// also an .spz or a .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed
+// afterwards, and no copy of it stays in host memory. While the call runs, host and device together take at most four
+// times the size of a binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the
+// factor by which it is packed.
 //
 // Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 // if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
@@ -264,6 +267,13 @@ typedef struct nvsp_prior nvsp_prior;
 // A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
 // frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
 // treated picture.
+//
+// With `options.blocks_memory` a prior in blocks (.nvsb, as `nvsprior blocks` writes it) stays in its file. Only what
+// cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
+// the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
+// for it: see nvsp_prior_get_blocks. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
+// options and updates cannot be given with it, nor coder tables beside it. Encoders and decoders that share such a
+// prior work in turn.
 //
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST; the text is the engine's.
@@ -1089,7 +1099,7 @@ nvsp_status nvsp_prior_open_memory(const struct nvsp_engine *engine,
 // nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 // Opens no device. Allocates; any thread may call it.
 //
-// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
+// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
 //
 // Parameters:
 // - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
@@ -1106,6 +1116,40 @@ nvsp_status nvsp_prior_estimate(const char *path,
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info) NVSP_NONNULL(1, 2);
+
+// Which part of a prior in blocks is loaded, and what that took so far.
+typedef struct nvsp_prior_blocks {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Blocks on the device.
+  uint32_t blocks;
+  // Splats on the device.
+  uint32_t splats;
+  // Splats that there is room for on the device.
+  uint32_t room;
+  // Always 0.
+  uint32_t reserved;
+  // Bytes of splats in host memory.
+  uint64_t host_bytes;
+  // How often the blocks on the device changed.
+  uint64_t changes;
+  // Blocks that a frame waited for: they were not read ahead.
+  uint64_t waits;
+  // Searches that were done again, since they went further than blocks had been brought.
+  uint64_t repeated;
+  // Searches that lacked blocks, since there was no room for all. Their pose may be worse; their picture is whole.
+  uint64_t incomplete;
+} nvsp_prior_blocks;
+
+// Tells which part of a prior in blocks is loaded. Call it between frames: it waits for the frame under way.
+//
+// Fails with NVSP_ERR_STATE if the prior is loaded whole.
+//
+// Parameters:
+// - `blocks`: receives it, set up by NVSP_INIT. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_prior_get_blocks(const struct nvsp_prior *prior,
+                                  struct nvsp_prior_blocks *blocks) NVSP_NONNULL(1, 2);
 
 // ---- Images and poses ----
 

@@ -19,7 +19,7 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding lens_and_mask pipelined decoding truth threads unprotected updates shares"
+programs="structs nulls images encoding lens_and_mask pipelined decoding truth blocks threads unprotected updates shares"
 programs="$programs garbage given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"

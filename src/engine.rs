@@ -9,7 +9,7 @@ use crate::render::probe::Probe;
 #[cfg(feature = "training")]
 use crate::render::training::{Trainer, TrainingPlan};
 use crate::render::{
-    Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, SpawnReader, WindowRoom,
+    BlockReader, Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, WindowRoom,
 };
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
@@ -82,7 +82,7 @@ impl Engine {
         &self,
         blocked: &Arc<BlockedPrior>,
         limit: u64,
-        reader: SpawnReader,
+        reader: BlockReader,
     ) -> Result<Arc<Scene>, Error> {
         let key = PipelineKey { sh_degree: blocked.sh_degree(), clamped: blocked.clamps_alpha() };
         let room = WindowRoom::within(blocked, limit, self.device.info().storage_range);

@@ -9,7 +9,7 @@ use common::{assert_silent, camera, engine, random_splats};
 use glam::{DQuat, DVec3};
 use nvsprior::prior::Splats;
 use nvsprior::prior::blocked::{BlockedPrior, BlockedWriter, Extras};
-use nvsprior::render::{Plan, Residency, Scene, SpawnReader, reader_thread};
+use nvsprior::render::{BlockReader, Plan, Residency, Scene};
 use nvsprior::vulkan::Error as VulkanError;
 use nvsprior::{
     Camera, Decoder, Encoder, EncoderOptions, Engine, Error, Picture, Pose, Prior, Rate,
@@ -51,10 +51,6 @@ struct Wall {
     _folder: tempfile::TempDir,
 }
 
-fn nobody() -> SpawnReader {
-    Box::new(|_| None)
-}
-
 fn blocked_at(path: &Path, prior: &Prior, block: usize) -> BlockedPrior {
     let file = std::fs::File::create(path).unwrap();
     let writer = BlockedWriter { block, ..BlockedWriter::default() };
@@ -88,7 +84,7 @@ const CAMERA: Camera = Camera { width: 160, height: 90, fx: 137.0, fy: 137.0, cx
 #[test]
 fn pictures_have_the_same_bytes() {
     let Wall { engine, whole, blocked, _folder } = scenes();
-    for (splats, spawn) in [(6000, reader_thread()), (4000, nobody())] {
+    for (splats, spawn) in [(6000, BlockReader::threaded()), (4000, BlockReader::when_needed())] {
         let scene = engine.open_blocked(&blocked, limit(splats), spawn).unwrap();
         assert_eq!(scene.id(), whole.id());
         let mut pictures = [Picture::new(160, 90), Picture::new(160, 90)];
@@ -150,8 +146,8 @@ fn a_flight_gives_the_same_packets() {
         })
         .collect();
     let expected = flight(&engine, [&whole, &whole], &frames);
-    let scenes =
-        [0; 2].map(|_| engine.open_blocked(&blocked, limit(7000), reader_thread()).unwrap());
+    let scenes = [0; 2]
+        .map(|_| engine.open_blocked(&blocked, limit(7000), BlockReader::threaded()).unwrap());
     let packets = flight(&engine, [&scenes[0], &scenes[1]], &frames);
     assert!(packets == expected, "packets of a blocked in blocks");
     for scene in scenes {
@@ -160,7 +156,7 @@ fn a_flight_gives_the_same_packets() {
         assert!(residency.changes > 3, "{residency:?}");
     }
     // One side whole, the other in blocks, on one scene for both.
-    let scene = engine.open_blocked(&blocked, limit(7000), nobody()).unwrap();
+    let scene = engine.open_blocked(&blocked, limit(7000), BlockReader::when_needed()).unwrap();
     assert!(flight(&engine, [&scene, &scene], &frames) == expected, "one scene for both sides");
     assert_silent(&engine);
 }
@@ -168,7 +164,7 @@ fn a_flight_gives_the_same_packets() {
 #[test]
 fn too_little_memory_is_refused_and_recovered_from() {
     let Wall { engine, blocked, _folder, .. } = scenes();
-    let scene = engine.open_blocked(&blocked, limit(600), nobody()).unwrap();
+    let scene = engine.open_blocked(&blocked, limit(600), BlockReader::when_needed()).unwrap();
     let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture()).unwrap();
     let mut picture = Picture::new(160, 90);
     let error = renderer.picture(&pose(60), &mut picture).unwrap_err();
@@ -196,7 +192,7 @@ fn a_block_that_cannot_be_read_fails_its_frame_alone() {
     )
     .unwrap();
     let engine = engine();
-    let scene = engine.open_blocked(&blocked, limit(6000), reader_thread()).unwrap();
+    let scene = engine.open_blocked(&blocked, limit(6000), BlockReader::threaded()).unwrap();
     let mut renderer = engine.renderer(&scene, &camera(64, 36), Plan::picture()).unwrap();
     let mut picture = Picture::new(64, 36);
     let drawn = (0..220).step_by(5).map(|i| renderer.picture(&pose(i), &mut picture));

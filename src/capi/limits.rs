@@ -96,6 +96,16 @@ impl Limits {
         Grant::take("a prior's file", 2 * size + SMALL, self.host_bytes.saturating_add(SMALL))
     }
 
+    /// Sets memory aside for the head of a prior in blocks, in a file of `size` bytes.
+    pub(super) fn blocks_head(&self, size: u64) -> Result<Grant, Failure> {
+        // A block takes 36 bytes of the head, and more of the file.
+        Grant::take(
+            "the head of a prior",
+            4 * (size / 8).min(LONGEST_HEAD) + PRIOR,
+            self.host_bytes,
+        )
+    }
+
     /// Sets memory aside for a prior of this content, with key frames in a file of `keys` bytes beside it.
     pub(super) fn prior(&self, bytes: &[u8], keys: u64) -> Result<Grant, Failure> {
         let needed = PriorClaims::of(bytes).map_or(PRIOR, |claims| prior(&claims));
@@ -115,6 +125,9 @@ pub(super) fn engine_bytes() -> u64 {
 
 /// Most bytes of a file of key frames.
 const LONGEST_KEYS: u64 = 256 * (KeyFrames::MAX as u64 + 1);
+
+/// Bytes of a head of a million blocks.
+const LONGEST_HEAD: u64 = 36 << 20;
 
 /// A prior besides its splats: coder tables beside it, pipelines.
 const PRIOR: u64 = 8 * SMALL;

@@ -7,8 +7,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::image::{Preprocessing, WhiteBalance};
+use crate::prior::blocked::BlockedPrior;
 use crate::prior::{KeyFrames, PriorClaims};
-use crate::render::Scene;
+use crate::render::{BlockReader, Scene};
 use crate::{Camera, Prior, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
@@ -20,6 +21,7 @@ use super::memory::Grant;
 use super::slices::{slice, text};
 use super::status::*;
 use super::structs::{In, Out, Place, number, versioned, zeroed};
+use super::thread::Thread;
 
 /// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
 ///
@@ -78,8 +80,11 @@ pub struct nvsp_prior_options {
     pub antialiased: u32,
     /// Linear RGB behind everything, 0 to 1.
     pub background: [f32; 3],
+    /// Most memory for the splats of a prior in blocks (.nvsb), host and device together, MiB; 0: it is loaded whole.
+    /// See nvsp_prior_open.
+    pub blocks_memory: u32,
 }
-versioned!(nvsp_prior_options, 36);
+versioned!(nvsp_prior_options, 36, 40);
 
 /// Colours were left as they were.
 pub const NVSP_WHITE_BALANCE_NONE: u32 = 0;
@@ -151,11 +156,11 @@ pub struct nvsp_memory_estimate {
 versioned!(nvsp_memory_estimate, 64);
 
 /// Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
-/// trainer and nerfstudio write it, or a compact prior (.nvsg); with the feature "formats" also an .spz or a
-/// .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed afterwards, and no copy
-/// of it stays in host memory. While the call runs, host and device together take at most four times the size of a
-/// binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the factor by which it
-/// is packed.
+/// trainer and nerfstudio write it, a compact prior (.nvsg) or a prior in blocks (.nvsb); with the feature "formats"
+/// also an .spz or a .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed
+/// afterwards, and no copy of it stays in host memory. While the call runs, host and device together take at most four
+/// times the size of a binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the
+/// factor by which it is packed.
 ///
 /// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 /// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
@@ -168,6 +173,13 @@ versioned!(nvsp_memory_estimate, 64);
 /// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
 /// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
 /// treated picture.
+///
+/// With `options.blocks_memory` a prior in blocks (.nvsb, as `nvsprior blocks` writes it) stays in its file. Only what
+/// cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
+/// the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
+/// for it: see nvsp_prior_get_blocks. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
+/// options and updates cannot be given with it, nor coder tables beside it. Encoders and decoders that share such a
+/// prior work in turn.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 /// NVSP_ERR_DEVICE_LOST; the text is the engine's.
@@ -262,6 +274,11 @@ fn open<'a>(
         let options = options.read()?;
         let (overrides, for_updates) =
             (overrides(&options)?, options.given & NVSP_PRIOR_UPDATES != 0);
+        if options.blocks_memory != 0 {
+            let content = open_blocked(handle, &content, &options, source()?)?;
+            prior.write(Handle::boxed(content, handle.log()));
+            return Ok(NVSP_OK);
+        }
         let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
         log_load(handle, &loaded);
         let scene = match for_updates {
@@ -272,6 +289,67 @@ fn open<'a>(
         prior.write(Handle::boxed(content, handle.log()));
         Ok(NVSP_OK)
     })
+}
+
+/// Opens a prior in blocks.
+fn open_blocked(
+    handle: &Handle<EngineContent>,
+    content: &EngineContent,
+    options: &nvsp_prior_options,
+    source: Source,
+) -> Result<PriorContent, Failure> {
+    let Source::File(path) = source else {
+        let what = "nvsp_prior_options.blocks_memory: blocks are read from a file, not from memory";
+        return Err(Failure::argument(what));
+    };
+    if options.given != 0 {
+        let what = "nvsp_prior_options.given: not with blocks_memory";
+        return Err(Failure::argument(what));
+    }
+    let limit = u64::from(options.blocks_memory) << 20;
+    let host_bytes = content.how.limits.host_bytes;
+    let size = std::fs::metadata(path).map_or(0, |file| file.len());
+    // What is known of each block comes to less than its entry in the head.
+    let _memory = content.how.limits.blocks_head(size)?;
+    let blocked = Arc::new(BlockedPrior::open(path).map_err(crate::Error::from)?);
+    let start = content.how.threads;
+    let reader = BlockReader {
+        spawn: Box::new(move |body| {
+            let thread = Thread::spawn(c"nvsp-blocks", start, body).ok()?;
+            Some(Box::new(thread))
+        }),
+        set_aside: Box::new(move |bytes| {
+            let grant = Grant::take("a block of a prior", bytes, host_bytes).ok()?;
+            Some(Box::new(grant))
+        }),
+    };
+    let text = format!(
+        "prior {} of {} splats in {} blocks, {} key frames",
+        blocked.id(),
+        blocked.len(),
+        blocked.blocks().len(),
+        blocked.key_frames().len()
+    );
+    handle.log().write(NVSP_LOG_INFO, &text);
+    let scene = content.engine.open_blocked(&blocked, limit, reader)?;
+    Ok(PriorContent { scene, info: info_of_blocked(&blocked) })
+}
+
+fn info_of_blocked(blocked: &BlockedPrior) -> nvsp_prior_info {
+    let (options, frame) = (blocked.options(), blocked.coordinate_frame());
+    nvsp_prior_info {
+        id: blocked.id().0,
+        splats: number(blocked.len()),
+        sh_degree: blocked.sh_degree(),
+        near_plane: options.near,
+        alpha_max: options.alpha_max,
+        antialiased: options.antialiased.into(),
+        background: options.background,
+        centre: frame.centre,
+        spread: frame.spread,
+        key_frames: number(blocked.key_frames().len()),
+        ..preprocessing_info(blocked.preprocessing())
+    }
 }
 
 fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
@@ -330,7 +408,6 @@ fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
 
 fn info_of(prior: &Prior) -> nvsp_prior_info {
     let (options, frame, report) = (prior.options(), prior.coordinate_frame(), prior.report());
-    let Preprocessing { white_balance, clahe } = *prior.preprocessing();
     nvsp_prior_info {
         id: prior.id().0,
         splats: prior.len() as u32,
@@ -343,6 +420,14 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
         centre: frame.centre,
         spread: frame.spread,
         key_frames: prior.key_frames().len() as u32,
+        ..preprocessing_info(prior.preprocessing())
+    }
+}
+
+/// What a preprocessing is, all else zero.
+fn preprocessing_info(preprocessing: &Preprocessing) -> nvsp_prior_info {
+    let Preprocessing { white_balance, clahe } = *preprocessing;
+    nvsp_prior_info {
         white_balance: match white_balance {
             WhiteBalance::None => NVSP_WHITE_BALANCE_NONE,
             WhiteBalance::GrayWorld => NVSP_WHITE_BALANCE_GRAY_WORLD,
@@ -357,7 +442,7 @@ fn info_of(prior: &Prior) -> nvsp_prior_info {
 /// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 /// Opens no device. Allocates; any thread may call it.
 ///
-/// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is no PLY file and no compact prior.
+/// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
 ///
 /// # Safety
 /// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
@@ -385,7 +470,8 @@ pub unsafe extern "C" fn nvsp_prior_estimate(
                 more => read += more,
             }
         }
-        let unknown = Failure::at(NVSP_ERR_PRIOR, "no PLY file and no compact prior");
+        let unknown =
+            Failure::at(NVSP_ERR_PRIOR, "no PLY file, no compact prior, no prior in blocks");
         let claims = PriorClaims::of_start(&start[..read], size).ok_or(unknown)?;
         out.write(&estimate_of(&claims, camera));
         Ok(NVSP_OK)
@@ -418,6 +504,63 @@ pub extern "C" fn nvsp_prior_get_info(
 ) -> nvsp_status {
     nvsp_prior::share(prior, |_, content| {
         info.required()?.write(&content.info);
+        Ok(NVSP_OK)
+    })
+}
+
+/// Which part of a prior in blocks is loaded, and what that took so far.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct nvsp_prior_blocks {
+    pub struct_size: u32,
+    pub abi_version: u32,
+    /// Blocks on the device.
+    pub blocks: u32,
+    /// Splats on the device.
+    pub splats: u32,
+    /// Splats that there is room for on the device.
+    pub room: u32,
+    /// Always 0.
+    pub reserved: u32,
+    /// Bytes of splats in host memory.
+    pub host_bytes: u64,
+    /// How often the blocks on the device changed.
+    pub changes: u64,
+    /// Blocks that a frame waited for: they were not read ahead.
+    pub waits: u64,
+    /// Searches that were done again, since they went further than blocks had been brought.
+    pub repeated: u64,
+    /// Searches that lacked blocks, since there was no room for all. Their pose may be worse; their picture is whole.
+    pub incomplete: u64,
+}
+versioned!(nvsp_prior_blocks, 64);
+
+/// Tells which part of a prior in blocks is loaded. Call it between frames: it waits for the frame under way.
+///
+/// Fails with NVSP_ERR_STATE if the prior is loaded whole.
+///
+/// # Parameters
+/// - `blocks`: receives it, set up by NVSP_INIT. Not NULL.
+#[unsafe(no_mangle)]
+pub extern "C" fn nvsp_prior_get_blocks(
+    prior: Option<&nvsp_prior>,
+    blocks: Out<nvsp_prior_blocks>,
+) -> nvsp_status {
+    nvsp_prior::share(prior, |_, content| {
+        let out = blocks.required()?;
+        let whole = || Failure::at(NVSP_ERR_STATE, "the prior is loaded whole");
+        let residency = content.scene.residency().ok_or_else(whole)?;
+        out.write(&nvsp_prior_blocks {
+            blocks: number(residency.blocks),
+            splats: number(residency.splats),
+            room: number(residency.room),
+            host_bytes: residency.host_bytes,
+            changes: residency.changes,
+            waits: residency.waits,
+            repeated: residency.repeated,
+            incomplete: residency.incomplete,
+            ..zeroed()
+        });
         Ok(NVSP_OK)
     })
 }

@@ -297,6 +297,7 @@ fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
         | E::GivenDevice { .. }
         | E::NoValidationLayer => NVSP_ERR_NO_DEVICE,
         E::DeviceLost { .. } | E::Hung { .. } => NVSP_ERR_DEVICE_LOST,
+        E::Unread(error) => error.downcast_ref().map_or(NVSP_ERR_PRIOR, of_prior),
         error if error.is_out_of_memory() => NVSP_ERR_MEMORY,
         _ => NVSP_ERR_VULKAN,
     }

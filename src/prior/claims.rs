@@ -1,5 +1,6 @@
 //! What a prior's file claims to hold, read without taking memory, so that loading it can be refused beforehand.
 
+use super::blocked::{self, Block};
 use super::{Splats, compact, ply};
 
 /// What a file of a prior claims, not yet checked: only reading it shows whether it is true.
@@ -20,7 +21,7 @@ pub struct PriorClaims {
 const END: &[u8] = b"end_header";
 
 impl PriorClaims {
-    /// Reads the claims of a PLY file or a compact prior; `None` for any other content.
+    /// Reads the claims of a PLY file, a compact prior or a blocked one; `None` for any other content.
     pub fn of(bytes: &[u8]) -> Option<PriorClaims> {
         PriorClaims::of_start(bytes, bytes.len() as u64)
     }
@@ -32,6 +33,10 @@ impl PriorClaims {
             let count = u32::from_le_bytes(*bytes.get(8..)?.first_chunk()?);
             // Every part but the splats may be as long as the file.
             (u64::from(count), degree, size, true)
+        } else if bytes.starts_with(&blocked::MAGIC) {
+            let degree = u32::from(*bytes.get(5)?);
+            let count = u64::from_le_bytes(*bytes.get(16..)?.first_chunk()?);
+            (count, degree, size, true)
         } else if bytes.starts_with(ply::MAGIC) {
             let header = header_of(bytes);
             (ply_splats(header)?, ply_degree(header), header.len() as u64, false)
@@ -43,6 +48,12 @@ impl PriorClaims {
         let splats = splats.min(size);
         let sh_degree = sh_degree.min(Splats::MAX_SH_DEGREE);
         Some(PriorClaims { bytes: size, splats, sh_degree, besides, compact })
+    }
+
+    /// What the head of a blocked prior claims of one of its blocks, which is a file of its own.
+    pub fn of_block(block: &Block, sh_degree: u32) -> PriorClaims {
+        let (bytes, splats) = (u64::from(block.bytes), u64::from(block.splats));
+        PriorClaims { bytes, splats, sh_degree, besides: bytes, compact: true }
     }
 
     /// Host memory that loading takes at most, bytes, besides the file's own.
@@ -135,6 +146,11 @@ mod tests {
         let found = claims(huge).unwrap();
         assert_eq!((found.splats, found.sh_degree), (huge.len() as u64, 1));
         assert_eq!(PriorClaims::of(b"nvsg"), None);
+        assert_eq!(PriorClaims::of(b"nvsb"), None);
+        let claims_of = |bytes: &[u8]| PriorClaims::of(bytes).unwrap();
+        let head = [&b"nvsb\x01\x01\0\0"[..], &[0; 8], &9_u64.to_le_bytes(), &[0; 900]].concat();
+        let found = claims_of(&head);
+        assert_eq!((found.splats, found.sh_degree, found.bytes), (9, 1, 924));
         let mut cut = b"nvsg\x01\xff\0\0".to_vec();
         cut.extend([0xff; 4]);
         let found = PriorClaims::of(&cut).unwrap();

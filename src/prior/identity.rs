@@ -6,8 +6,8 @@ use super::options::RenderOptions;
 use super::splats::Splats;
 use crate::coder_tables::Tables;
 
-/// The identity of a prior of these splats. `stated_frame`: the coordinate frame, if the prior does not take that of its
-/// splats.
+/// The identity of a prior of these splats. `stated_frame`: the coordinate frame, if the prior does not take that of
+/// its splats.
 pub(super) fn identity_of(
     splats: &Splats,
     options: &RenderOptions,

@@ -1,13 +1,14 @@
 //! Blocks of a blocked prior in host memory, laid out for the device. A thread reads those that are expected next.
 
+use std::any::Any;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 
 use glam::DVec3;
 
-use crate::prior::PriorError;
 use crate::prior::blocked::BlockedPrior;
+use crate::prior::{PriorClaims, PriorError};
 use crate::queue::Body;
 
 use super::splat_buffers;
@@ -20,22 +21,41 @@ pub(super) struct BlockPlanes {
 }
 
 /// Starts a thread that runs a body. What it returns waits for the thread's end when dropped; `None`: no thread can be
-/// started.
+/// started, so blocks are read when they are needed.
 pub type SpawnReader = Box<dyn FnOnce(Body) -> Option<Box<dyn Send + Sync>>>;
 
-/// Starts threads of the standard library.
-pub fn reader_thread() -> SpawnReader {
-    struct Joined(Option<JoinHandle<()>>);
-    impl Drop for Joined {
-        fn drop(&mut self) {
-            // The body does not panic.
-            let _ = self.0.take().map(JoinHandle::join);
+/// Sets so many bytes aside, as long as what it returns lives; `None`: there is not so much memory.
+pub type SetAside = Box<dyn Fn(u64) -> Option<Box<dyn Any>> + Send + Sync>;
+
+/// How blocks are read.
+pub struct BlockReader {
+    /// Starts the thread that reads ahead.
+    pub spawn: SpawnReader,
+    /// Sets memory aside for a block that is read.
+    pub set_aside: SetAside,
+}
+
+impl BlockReader {
+    /// Reads ahead on a thread of the standard library.
+    pub fn threaded() -> BlockReader {
+        struct Joined(Option<JoinHandle<()>>);
+        impl Drop for Joined {
+            fn drop(&mut self) {
+                // The body does not panic.
+                let _ = self.0.take().map(JoinHandle::join);
+            }
         }
+        let spawn: SpawnReader = Box::new(|body| {
+            let thread = std::thread::Builder::new().name("nvsp-blocks".into()).spawn(body);
+            thread.ok().map(|thread| -> Box<dyn Send + Sync> { Box::new(Joined(Some(thread))) })
+        });
+        BlockReader { spawn, ..BlockReader::when_needed() }
     }
-    Box::new(|body| {
-        let thread = std::thread::Builder::new().name("nvsp-blocks".into()).spawn(body);
-        thread.ok().map(|thread| -> Box<dyn Send + Sync> { Box::new(Joined(Some(thread))) })
-    })
+
+    /// Reads blocks when they are needed, on the thread that needs them.
+    pub fn when_needed() -> BlockReader {
+        BlockReader { spawn: Box::new(|_| None), set_aside: Box::new(|_| Some(Box::new(()))) }
+    }
 }
 
 /// Blocks in host memory, at most so many splats, and the thread that reads ahead.
@@ -51,6 +71,7 @@ struct Shared {
     centre: DVec3,
     /// Splats that there is room for.
     room: usize,
+    set_aside: SetAside,
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -80,6 +101,12 @@ impl Shared {
     }
 
     fn read(&self, index: u32) -> Result<Arc<BlockPlanes>, PriorError> {
+        let claims =
+            PriorClaims::of_block(&self.blocked.blocks()[index as usize], self.blocked.sh_degree());
+        // The bytes of the file, what becomes of them, and what is laid out for the device.
+        let needed = claims.bytes + claims.host_bytes() + claims.device_bytes();
+        let out_of_memory = || PriorError::Read(std::io::ErrorKind::OutOfMemory.into());
+        let _memory = (self.set_aside)(needed).ok_or_else(out_of_memory)?;
         let splats = self.blocked.read_block(index as usize)?;
         let which: Vec<u32> = (0..splats.len() as u32).collect();
         let count = which.len();
@@ -151,11 +178,14 @@ impl BlockCache {
         blocked: Arc<BlockedPrior>,
         centre: DVec3,
         room: usize,
-        spawn: SpawnReader,
+        reader: BlockReader,
     ) -> BlockCache {
-        let expected = VecDeque::with_capacity(blocked.blocks().len());
-        let state = Mutex::new(State { expected, ..State::default() });
-        let shared = Arc::new(Shared { blocked, centre, room, state, changed: Condvar::new() });
+        let count = blocked.blocks().len();
+        let (held, expected) = (HashMap::with_capacity(count), VecDeque::with_capacity(count));
+        let state = Mutex::new(State { held, expected, ..State::default() });
+        let BlockReader { spawn, set_aside } = reader;
+        let changed = Condvar::new();
+        let shared = Arc::new(Shared { blocked, centre, room, set_aside, state, changed });
         let own = shared.clone();
         // Without a thread, blocks are read when they are needed.
         let thread = spawn(Box::new(move || own.read_ahead()));

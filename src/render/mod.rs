@@ -28,7 +28,7 @@ pub mod training;
 mod window;
 mod workspace;
 
-pub use block_cache::{SpawnReader, reader_thread};
+pub use block_cache::{BlockReader, SetAside, SpawnReader};
 pub use frame::to_byte;
 pub use jacobian::Jacobian;
 pub use kernels::{FilterKernels, Kernels, PipelineKey, SceneKernels};

@@ -14,7 +14,7 @@ use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Prior, PriorId};
 
-use super::block_cache::SpawnReader;
+use super::block_cache::BlockReader;
 use super::learnt_room::{self, LearntRoom};
 use super::splat_buffers::{Held, Planes, SplatBuffers};
 use super::window::{Residency, Window, WindowRoom};
@@ -80,7 +80,7 @@ impl Scene {
         blocked: &Arc<BlockedPrior>,
         kernels: Arc<SceneKernels>,
         room: &WindowRoom,
-        spawn: SpawnReader,
+        reader: BlockReader,
     ) -> Result<Scene, Error> {
         let planes = |name, planes: u32| {
             Buffer::new::<[f32; 2]>(device, name, planes as usize * room.device, Memory::Device)
@@ -105,7 +105,7 @@ impl Scene {
             filter_weights: None,
             preprocessing: *blocked.preprocessing(),
             learnt_room: None,
-            window: Some(Window::new(device, blocked, room, spawn)?),
+            window: Some(Window::new(device, blocked, room, reader)?),
         })
     }
 

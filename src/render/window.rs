@@ -12,7 +12,7 @@ use crate::prior::blocked::{Block, BlockedPrior};
 use crate::shared::{GEOMETRY_PLANES, RECORD, sh_planes};
 use crate::vulkan::{Buffer, Device, Error, Memory, Part, Recorder, Timing};
 
-use super::block_cache::{BlockCache, BlockPlanes, SpawnReader};
+use super::block_cache::{BlockCache, BlockPlanes, BlockReader};
 use super::sight::{Reach, Sight};
 use super::splat_buffers::SplatBuffers;
 
@@ -103,7 +103,7 @@ impl Window {
         device: &Device,
         blocked: &Arc<BlockedPrior>,
         room: &WindowRoom,
-        spawn: SpawnReader,
+        reader: BlockReader,
     ) -> Result<Window, Error> {
         let centre = DVec3::from(blocked.coordinate_frame().centre.map(f64::from));
         let (count, copied) = (blocked.blocks().len(), COPIED.min(room.device));
@@ -120,7 +120,7 @@ impl Window {
             residency: Residency { room: room.device, ..Residency::default() },
         };
         Ok(Window {
-            cache: BlockCache::new(blocked.clone(), centre, room.host, spawn),
+            cache: BlockCache::new(blocked.clone(), centre, room.host, reader),
             blocked: blocked.clone(),
             device: device.clone(),
             room: room.device,

@@ -76,6 +76,7 @@ void scene_read(scene *scene, const char *folder) {
     snprintf(scene->prior, sizeof scene->prior, "%s/prior.ply", folder);
     snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
     snprintf(scene->compact_prior, sizeof scene->compact_prior, "%s/prior.nvsg", folder);
+    snprintf(scene->blocked_prior, sizeof scene->blocked_prior, "%s/prior.nvsb", folder);
     snprintf(scene->preprocessed_prior, sizeof scene->preprocessed_prior, "%s/preprocessed.ply", folder);
     char path[600];
     snprintf(path, sizeof path, "%s/scene.txt", folder);

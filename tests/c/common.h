@@ -29,7 +29,8 @@ int few(void);
 
 // The folder that tests/capi writes.
 typedef struct scene {
-    char prior[512], other_prior[512], preprocessed_prior[512], compact_prior[512];  // Paths.
+    // Paths.
+    char prior[512], other_prior[512], preprocessed_prior[512], compact_prior[512], blocked_prior[512];
     nvsp_camera camera;
     int frames;
     nvsp_pose poses[MAX_FRAMES];

@@ -84,6 +84,29 @@ static nvsp_status try_compact_prior(void) {
     return status;
 }
 
+// Opens the prior in blocks, and encodes a frame with it: blocks are read.
+static nvsp_status try_blocked_prior(void) {
+    nvsp_prior *made = NULL;
+    nvsp_prior_options options = NVSP_INITIALIZER(nvsp_prior_options);
+    options.blocks_memory = 2;
+    nvsp_status status = nvsp_prior_open(both.engine, dive.blocked_prior, &options, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_encoder *encoder = NULL;
+    if (status == NVSP_OK) {
+        status = nvsp_encoder_create(both.engine, made, &dive.camera, NULL, &encoder);
+    }
+    if (status == NVSP_OK) {
+        const nvsp_image image = scene_image(&dive, 0);
+        uint8_t bytes[65536];
+        size_t written = 77;
+        status = nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL);
+        CHECK((status == NVSP_OK) == (written != 77));
+    }
+    nvsp_encoder_destroy(encoder);
+    nvsp_prior_destroy(made);
+    return status;
+}
+
 static nvsp_status encode_with(const nvsp_camera *camera) {
     nvsp_encoder *made = NULL;
     nvsp_status status = nvsp_encoder_create(both.engine, both.prior, camera, NULL, &made);
@@ -204,6 +227,7 @@ static const struct attempt {
     {"collector", try_collector, 400, 1},
     {"prior", try_prior, 400, 1},
     {"compact prior", try_compact_prior, 400, 1},
+    {"blocked prior", try_blocked_prior, 200, 0},
     {"encoder", try_encoder, 400, 1},
     {"decoder", try_decoder, 400, 0},
     {"stream", try_stream, 200, 1},

@@ -181,6 +181,16 @@ static nvsp_status truth(void *structure) {
 
 static nvsp_status learning(void *structure) { return nvsp_encoder_get_learning(both.encoder, structure); }
 
+static nvsp_status prior_blocks(void *structure) {
+    nvsp_prior *prior = NULL;
+    nvsp_prior_options options = NVSP_INITIALIZER(nvsp_prior_options);
+    options.blocks_memory = 2;
+    MUST(nvsp_prior_open(both.engine, dive.blocked_prior, &options, &prior));
+    const nvsp_status status = nvsp_prior_get_blocks(prior, structure);
+    nvsp_prior_destroy(prior);
+    return status;
+}
+
 static nvsp_status between_out(void *structure) {
     return nvsp_pose_between(&dive.poses[0], &dive.poses[0], 0.5, structure);
 }
@@ -196,8 +206,9 @@ static const struct {
     {sizeof(nvsp_engine_info), engine_info, 1, 0},
     {sizeof(nvsp_device_info), device_info, 1, 0},
     {sizeof(nvsp_memory_estimate), estimate, 1, 0},
-    {sizeof(nvsp_prior_options), prior_options, 0, 0},
+    {sizeof(nvsp_prior_options), prior_options, 0, 36},
     {sizeof(nvsp_prior_info), prior_info, 1, 0},
+    {sizeof(nvsp_prior_blocks), prior_blocks, 1, 0},
     {sizeof(nvsp_encoder_options), encoder_options, 0, 80},
     {sizeof(nvsp_frame_info), frame_info, 0, 0},
     {sizeof(nvsp_frame_info), begun_info, 0, 0},

@@ -37,6 +37,7 @@ programs! {
     stream: [];
     decoding: [];
     truth: [];
+    blocks: [];
     held_memory: [];
     threads: [];
     given_device: [];

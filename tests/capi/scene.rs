@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
+use nvsprior::prior::blocked::{BlockedWriter, Extras};
 use nvsprior::prior::{KeyFrames, compact};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture, Prior};
@@ -26,7 +27,7 @@ pub fn folder() -> &'static Path {
     })
 }
 
-/// Writes `prior.ply`, `prior.nvsg`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on;
+/// Writes `prior.ply`, `prior.nvsg`, `prior.nvsb`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on;
 /// `update-1.nvsu` and `update-2.nvsu`, a chain of updates of the prior;
 /// `preprocessed.ply`, the same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and
 /// `scene.txt`: one line with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose
@@ -37,6 +38,7 @@ fn write(folder: &Path) {
     let other = folder.join("other.ply");
     wall::write_prior(&folder.join("prior.ply"), &prior);
     write_compact(&folder.join("prior.nvsg"), &prior);
+    write_blocked(&folder.join("prior.nvsb"), &prior);
     wall::write_prior(&other, &wall::wall(2));
     let key_frames = (0..3).map(|t| wall::pose(f64::from(t))).collect();
     let key_frames = KeyFrames::new(key_frames).unwrap();
@@ -76,6 +78,15 @@ fn write_compact(path: &Path, prior: &Prior) {
     let file = std::fs::File::create(path).unwrap();
     let (none, fine) = (&KeyFrames::NONE, &compact::Quantisation::default());
     compact::write(prior.splats(), prior.options(), none, fine, file).unwrap();
+}
+
+/// The prior in blocks: another one, too.
+fn write_blocked(path: &Path, prior: &Prior) {
+    let file = std::fs::File::create(path).unwrap();
+    let (key_frames, preprocessing) = (prior.key_frames(), prior.preprocessing());
+    let extras = Extras { key_frames, coder_tables: None, preprocessing };
+    let writer = BlockedWriter { block: 256, ..BlockedWriter::default() };
+    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
 }
 
 /// Something that the prior does not know.

@@ -69,8 +69,8 @@ pub fn longest(splats: &Splats) -> f32 {
 }
 
 impl BlockedWriter {
-    /// Writes a prior. Takes host memory for the splats three times. `done` is called with the number of splats written,
-    /// after each block.
+    /// Writes a prior. Takes host memory for the splats three times. `done` is called with the number of splats
+    /// written, after each block.
     ///
     /// # Errors
     /// If the quantisation or the size of blocks is out of its range, if there is no splat, if one is invalid or one of
@@ -146,8 +146,8 @@ const REACH: f64 = 64.0;
 /// Share of the splats that lie where cameras go. The others are strays.
 const NEARLY_ALL: f64 = 0.98;
 
-/// The frame in which packets state cameras. Its unit would grow with a site that is much larger than what a camera sees,
-/// and the steps of poses with it. So it is that of a block, unless the steps then do not reach across the site.
+/// The frame in which packets state cameras. Its unit would grow with a site that is much larger than what a camera
+/// sees, and the steps of poses with it. So it is that of a block, unless the steps then do not reach across the site.
 fn frame_of(splats: &Splats, blocks: &[Block]) -> CoordinateFrame {
     let frame = CoordinateFrame::of(&splats.positions);
     let nearly_all = (NEARLY_ALL * (splats.len() - 1) as f64) as usize;

@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use nvsprior::prior::blocked::BlockedPrior;
-use nvsprior::render::{Scene, reader_thread};
+use nvsprior::render::{BlockReader, Scene};
 use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Prior, RenderOverrides};
@@ -108,7 +108,7 @@ impl PriorArgs {
                 let given = self.overrides.overrides() != RenderOverrides::default();
                 anyhow::ensure!(!given, "--prior-memory takes the render options of the file");
                 let blocked = Arc::new(BlockedPrior::open(&self.prior)?);
-                engine.open_blocked(&blocked, u64::from(mebibytes) << 20, reader_thread())
+                engine.open_blocked(&blocked, u64::from(mebibytes) << 20, BlockReader::threaded())
             }
             None => engine.upload(&self.open()?),
         };

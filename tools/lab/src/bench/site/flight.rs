@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nvsprior::prior::blocked::BlockedPrior;
-use nvsprior::render::{Plan, Scene, reader_thread};
+use nvsprior::render::{BlockReader, Plan, Scene};
 use nvsprior::vulkan::Error as VulkanError;
 use nvsprior::{Encoder, Engine, Prior, RenderOverrides};
 use nvsprior_inputs::args::progress;
@@ -22,7 +22,7 @@ const APART: f64 = STEP as f64 / 16.0;
 /// Flies from the first copy to the last.
 pub fn fly(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value> {
     let blocked = Arc::new(BlockedPrior::open(path)?);
-    let open = || engine.open_blocked(&blocked, limit, reader_thread());
+    let open = || engine.open_blocked(&blocked, limit, BlockReader::threaded());
     // The frames are drawn with blocks of their own, so that they bring none to the encoder.
     let (drawn, scene) = (open()?, open()?);
     let mut renderer = engine.renderer(&drawn, &CAMERA, Plan::picture())?;

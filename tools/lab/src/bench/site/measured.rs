@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nvsprior::prior::blocked::BlockedPrior;
-use nvsprior::render::{Plan, Renderer, reader_thread};
+use nvsprior::render::{BlockReader, Plan, Renderer};
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Rate};
 use serde_json::{Value, json};
 
@@ -46,7 +46,7 @@ pub fn frame(renderer: &mut Renderer, along: f64) -> anyhow::Result<Picture> {
 /// Encodes frames in the middle of the row.
 pub fn measure(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value> {
     let blocked = Arc::new(BlockedPrior::open(path)?);
-    let scene = engine.open_blocked(&blocked, limit, reader_thread())?;
+    let scene = engine.open_blocked(&blocked, limit, BlockReader::threaded())?;
     let mut renderer = engine.renderer(&scene, &CAMERA, Plan::picture())?;
     let mut encoder = Encoder::new(engine, &scene, &CAMERA, options())?;
     let copies = (blocked.coordinate_frame().centre[1] / STEP).floor();
