@@ -188,8 +188,12 @@ pub fn sizes(
 ) -> anyhow::Result<()> {
     let curve = |(name, points)| Series { name, points, line: true, dots: true };
     let series: Vec<Series> = curves.map(curve).collect();
-    let labels = series.iter().flat_map(|series| series.points.iter());
-    let labels: Vec<_> = labels.map(|point| (*point, format!("{:.0}", point.1))).collect();
+    let points = || series.iter().flat_map(|series| series.points.iter());
+    let mut labels: Vec<_> = points().map(|point| (*point, format!("{:.0}", point.1))).collect();
+    // A logarithmic axis names powers of ten alone.
+    let (low, _) = bounds(points().map(|point| point.1));
+    let widths = series.first().into_iter().flat_map(|series| &series.points);
+    labels.extend(widths.map(|(width, _)| ((*width, 0.82 * low), format!("{width} wide"))));
     let legend = SeriesLabelPosition::UpperLeft;
     let words = Words { caption, x: "width of the pictures, pixels", y, legend };
     draw(path, &words, true, &series, &labels)
