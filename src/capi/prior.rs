@@ -393,6 +393,7 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
         alpha_max: (given & NVSP_PRIOR_ALPHA_MAX != 0).then_some(alpha_max),
         antialiased: (given & NVSP_PRIOR_ANTIALIASED != 0).then_some(antialiased != 0),
         background: (given & NVSP_PRIOR_BACKGROUND != 0).then_some(background),
+        trained_focal: None,
     })
 }
 

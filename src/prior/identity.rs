@@ -30,7 +30,12 @@ pub(super) fn identity_of(
     if let Some(tables) = coder_tables {
         hasher.update(&tables.write());
     }
-    // Nor is anything added for the frame that follows from the splats.
+    // Nor is anything added if no focal length is stated.
+    if let Some(focal) = options.trained_focal {
+        hasher.update(b"focal");
+        hash_floats(&mut hasher, &[focal]);
+    }
+    // Nor for the frame that follows from the splats.
     if let Some(CoordinateFrame { centre, spread }) = stated_frame {
         hasher.update(b"frame");
         hash_floats(&mut hasher, centre);
@@ -81,6 +86,12 @@ mod tests {
         assert_ne!(identity_of(&splats, &RenderOptions::GSPLAT, None, None), id);
         let antialiased = RenderOptions { antialiased: true, ..RenderOptions::INRIA };
         assert_ne!(identity_of(&splats, &antialiased, None, None), id);
+        let of_focal = |focal| {
+            let options = RenderOptions { trained_focal: Some(focal), ..RenderOptions::INRIA };
+            identity_of(&splats, &options, None, None)
+        };
+        assert_ne!(of_focal(270.0), id);
+        assert_ne!(of_focal(270.0), of_focal(271.0));
     }
 
     #[test]

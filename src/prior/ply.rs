@@ -294,7 +294,8 @@ fn header_text(
     key_frames: &KeyFrames,
     preprocessing: &Preprocessing,
 ) -> String {
-    let RenderOptions { near, alpha_max, antialiased, background: [r, g, b] } = options;
+    let RenderOptions { near, alpha_max, antialiased, background: [r, g, b], trained_focal } =
+        options;
     let options = [
         format!("near {near}"),
         format!("alpha_max {alpha_max}"),
@@ -305,6 +306,7 @@ fn header_text(
     let key_frames = key_frames.poses().iter().map(key_frame);
     let comments: String = options
         .into_iter()
+        .chain(trained_focal.map(|focal| format!("trained_focal {focal}")))
         .chain(preprocessing_comments(preprocessing))
         .chain(key_frames)
         .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))

@@ -135,6 +135,7 @@ fn set_option(options: &mut RenderOptions, words: &[&str]) -> Option<()> {
         ["alpha_max", value] => options.alpha_max = number(value)?,
         ["antialiased", "0"] => options.antialiased = false,
         ["antialiased", "1"] => options.antialiased = true,
+        ["trained_focal", value] => options.trained_focal = Some(number(value)?),
         ["background", r, g, b] => options.background = [number(r)?, number(g)?, number(b)?],
         _ => return None,
     }

@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 
 use crate::image::Mask;
 use crate::search::{Anchor, LEVELS, Placement, Search, set_pose};
-use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, frustum, low_pass, tiles_per_group};
+use crate::shared::{Groups, PIXEL, Params, SUMS, TILE, frustum, tiles_per_group};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
 
@@ -265,7 +265,7 @@ pub(super) fn prototype(
     factor: u32,
     frame_offset: u32,
 ) -> Params {
-    let [dilation, dilation_kept] = low_pass(options.antialiased, factor);
+    let [dilation, dilation_kept] = options.low_pass(camera, factor);
     let x = frustum(camera.width, camera.fx, camera.cx);
     let y = frustum(camera.height, camera.fy, camera.cy);
     Params {

@@ -277,8 +277,8 @@ impl Renderer {
         pose: &Pose,
     ) -> Result<Option<MutexGuard<'a, Content>>, Error> {
         let Some(window) = scene.window() else { return Ok(None) };
-        let near = scene.splats.options.near;
-        let sight = |reach| Sight::new([*self.camera(level)].into_iter(), near, pose, reach);
+        let options = &scene.splats.options;
+        let sight = |reach| Sight::new([*self.camera(level)].into_iter(), options, pose, reach);
         let (needed, wanted) = (sight(Reach::NONE), sight(window.wanted()));
         let seen = window.see(
             &scene.splats,
@@ -423,7 +423,7 @@ impl Renderer {
         let ahead = |frames: f64| {
             let moved = motion.map_or(*pose, |motion| pose.stepped(&motion.map(|v| frames * v)));
             let reach = window.wanted().times(1.5);
-            Sight::new([camera].into_iter(), scene.splats.options.near, &moved, reach)
+            Sight::new([camera].into_iter(), &scene.splats.options, &moved, reach)
         };
         window.expect(&AHEAD.map(ahead));
     }
@@ -589,8 +589,8 @@ impl Renderer {
         }
         let code = self.framed().coded_read.read::<Coded>(1)[0].code;
         let pose = pose_of(scene, &self.placed(&code));
-        let near = scene.splats.options.near;
-        let sight = Sight::new([*self.camera(0)].into_iter(), near, &pose, Reach::NONE);
+        let options = &scene.splats.options;
+        let sight = Sight::new([*self.camera(0)].into_iter(), options, &pose, Reach::NONE);
         if !window.has(|block| sight.may_show(block)) {
             let renders = self.renders[0];
             self.draw_coded_as_planned(&code)?;
@@ -609,10 +609,10 @@ impl Renderer {
         starts: &[Placement],
         reach: Reach,
     ) -> Result<MutexGuard<'a, Content>, Error> {
-        let near = scene.splats.options.near;
+        let options = &scene.splats.options;
         let sights = |reach: Reach| -> [Option<Sight>; STARTS] {
             let cameras = || self.levels.sizes.iter().map(|level| level.camera);
-            let sight = |start| Sight::new(cameras(), near, &pose_of(scene, start), reach);
+            let sight = |start| Sight::new(cameras(), options, &pose_of(scene, start), reach);
             std::array::from_fn(|i| starts.get(i).map(sight))
         };
         let (needed, wanted) = (sights(reach), sights(window.wanted().or(&reach)));

@@ -3,8 +3,8 @@
 use glam::{DMat3, DVec3};
 
 use crate::prior::blocked::Block;
-use crate::shared::{DILATION, EXTENT_MAX, frustum};
-use crate::{Camera, Pose};
+use crate::shared::{EXTENT_MAX, frustum};
+use crate::{Camera, Pose, RenderOptions};
 
 /// How far from a pose a camera may be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,9 +41,9 @@ const ROUNDING: f64 = 1.0;
 /// A camera at a pose or within its reach. Tests for blocks are conservative: a block that is not seen shows nothing.
 ///
 /// A splat with standard deviations up to σ, at (x, y, z) of the camera, is drawn within `EXTENT_MAX · (f/z · √(1 + t²)
-/// · σ + √DILATION)` pixels around its mean `c + f x/z`: `J Σ Jᵀ ≤ (f/z)² (1 + t²) σ²`, with the ray's slope t limited
+/// · σ + √low-pass)` pixels around its mean `c + f x/z`: `J Σ Jᵀ ≤ (f/z)² (1 + t²) σ²`, with the ray's slope t limited
 /// to the frustum and its margin. So it shows nothing in a picture of W pixels if `x − z (W − c + EXTENT_MAX
-/// √DILATION)/f > EXTENT_MAX √(1 + t²) σ`, and the same on the other sides. That is linear in the splat's place, and
+/// √low-pass)/f > EXTENT_MAX √(1 + t²) σ`, and the same on the other sides. That is linear in the splat's place, and
 /// the least value over a box is known.
 pub(crate) struct Sight {
     rotation: DMat3,
@@ -60,7 +60,7 @@ impl Sight {
     /// What some cameras, levels of one picture, can see from a pose within a reach.
     pub fn new(
         cameras: impl Iterator<Item = Camera>,
-        near: f32,
+        options: &RenderOptions,
         pose: &Pose,
         reach: Reach,
     ) -> Sight {
@@ -71,7 +71,8 @@ impl Sight {
             let sides =
                 [(camera.width, camera.fx, camera.cx), (camera.height, camera.fy, camera.cy)];
             for (axis, (length, focal, principal)) in sides.into_iter().enumerate() {
-                let blur = f64::from(EXTENT_MAX) * f64::from(DILATION).sqrt() + ROUNDING;
+                let [low_pass, _] = options.low_pass(&camera, 1).map(f64::from);
+                let blur = f64::from(EXTENT_MAX) * low_pass.sqrt() + ROUNDING;
                 let (f, c) = (f64::from(focal), f64::from(principal));
                 let limits = frustum(length, focal, principal).map(|v| f64::from(v).abs());
                 let ray = limits[0].max(limits[1]);
@@ -91,7 +92,7 @@ impl Sight {
             rotation: pose.matrix(),
             centre: pose.centre(),
             reach,
-            near: near.into(),
+            near: options.near.into(),
             sides: [
                 side(0, -1.0, slopes[0]),
                 side(0, 1.0, slopes[1]),
@@ -147,7 +148,8 @@ mod tests {
     }
 
     fn sees(reach: Reach, block: &Block) -> bool {
-        Sight::new([CAMERA].into_iter(), 0.2, &Pose::IDENTITY, reach).may_show(block)
+        Sight::new([CAMERA].into_iter(), &RenderOptions::INRIA, &Pose::IDENTITY, reach)
+            .may_show(block)
     }
 
     #[test]
@@ -186,7 +188,7 @@ mod tests {
                 p.z > 0.2 && (0.0..320.0).contains(&pixel[0]) && (0.0..180.0).contains(&pixel[1]);
             if inside {
                 seen += 1;
-                let sight = Sight::new([CAMERA].into_iter(), 0.2, &pose, reach);
+                let sight = Sight::new([CAMERA].into_iter(), &RenderOptions::INRIA, &pose, reach);
                 let block = block(point.to_array().map(|v| v as f32), 0.0, 1e-6);
                 assert!(sight.may_show(&block), "{point} from {pose:?} by {reach:?}");
             }

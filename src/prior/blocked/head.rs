@@ -15,6 +15,8 @@ const VERSION: u8 = 1;
 const FIXED: usize = 68;
 /// Bytes of an entry.
 const ENTRY: usize = 36;
+/// Bytes of a focal length.
+const FOCAL: usize = 4;
 /// Bytes of the check at the end.
 const CHECK: usize = 4;
 /// Bytes that tell the size of the head.
@@ -113,7 +115,11 @@ impl Head {
             | u8::from(!preprocessing.is_none()) << 2
             | u8::from(self.clamps_alpha) << 3;
         let mut bytes = MAGIC.to_vec();
-        bytes.extend([VERSION, self.sh_degree as u8, self.options.antialiased.into(), flags]);
+        let focal = self.options.trained_focal;
+        let drawn = u8::from(self.options.antialiased) | u8::from(focal.is_some()) << 1;
+        bytes.extend([VERSION, self.sh_degree as u8, drawn, flags]);
+        let focal = focal.map(f32::to_le_bytes);
+        let rest = [focal.as_ref().map_or(&[][..], |focal| focal), &rest].concat();
         let size = FIXED + ENTRY * self.blocks.len() + rest.len() + CHECK;
         bytes.extend((size as u32).to_le_bytes());
         bytes.extend(self.id.to_bytes());
@@ -145,16 +151,24 @@ impl Head {
         if sh_degree > Splats::MAX_SH_DEGREE {
             return Err(PriorError::ShDegree { degree: sh_degree });
         }
-        if bytes[6] > 1 || bytes[7] > 15 {
+        if bytes[6] > 3 || bytes[7] > 15 {
             return Err(refusal(6, "unknown flags".into()));
+        }
+        let blocks = Head::entries(&words, bytes.len() as u64, size)?;
+        let mut at = FIXED + ENTRY * blocks.len();
+        let has_focal = bytes[6] & 2 != 0;
+        if has_focal && content.len() < at + FOCAL {
+            return Err(refusal(6, "a focal length that is not there".into()));
         }
         let options = RenderOptions {
             near: words.float(28),
             alpha_max: words.float(32),
-            antialiased: bytes[6] == 1,
+            antialiased: bytes[6] & 1 != 0,
             background: words.triple(36),
+            trained_focal: has_focal.then(|| words.float(at)),
         };
         options.check()?;
+        at += if has_focal { FOCAL } else { 0 };
         let frame = CoordinateFrame { centre: words.triple(48), spread: words.float(60) };
         let radius = words.float(64);
         let sound = frame.centre.iter().all(|v| v.is_finite())
@@ -165,7 +179,6 @@ impl Head {
         if !sound {
             return Err(refusal(48, "no place and size of a prior".into()));
         }
-        let blocks = Head::entries(&words, bytes.len() as u64, size)?;
         let splats = blocks.iter().map(|block| block.splats as usize).sum();
         if u64::from(words.word(16)) | u64::from(words.word(20)) << 32 != splats as u64 {
             return Err(refusal(16, format!("the blocks hold {splats} splats")));
@@ -173,7 +186,6 @@ impl Head {
         if splats > MAX_SPLATS {
             return Err(PriorError::TooMany { count: splats });
         }
-        let at = FIXED + ENTRY * blocks.len();
         let there = [4, 1, 2].map(|bit| bytes[7] & bit != 0);
         let (besides, own) = compact::read_besides(&content[at..], at, there)?;
         if at + own != content.len() {

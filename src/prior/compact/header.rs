@@ -5,6 +5,8 @@ use super::format::{FORMAT, MAGIC, refusal};
 use super::quantise::{Grid, Quantisation};
 
 const VERSION: u8 = 1;
+/// Bytes of a focal length.
+const FOCAL: usize = 4;
 
 /// What precedes the coded part; its bytes are in docs/format/prior.md.
 pub struct Header {
@@ -20,7 +22,13 @@ pub struct Header {
 }
 
 impl Header {
+    /// Without the focal length.
     pub const BYTES: usize = 76;
+
+    /// Bytes that it takes.
+    pub fn size(&self) -> usize {
+        Header::BYTES + self.options.trained_focal.map_or(0, |_| FOCAL)
+    }
 
     /// As in a file.
     pub fn to_bytes(&self) -> Vec<u8> {
@@ -29,7 +37,8 @@ impl Header {
         let parts = u8::from(self.key_frames)
             | u8::from(self.coder_tables) << 1
             | u8::from(self.preprocessing) << 2;
-        let flags = [u8::from(options.antialiased), parts];
+        let drawn = u8::from(options.antialiased) | u8::from(options.trained_focal.is_some()) << 1;
+        let flags = [drawn, parts];
         bytes.extend([VERSION, self.sh_degree as u8].into_iter().chain(flags));
         bytes.extend(self.count.to_le_bytes());
         bytes.extend(self.id.to_bytes());
@@ -37,6 +46,7 @@ impl Header {
         bytes.extend(floats.chain(self.grid.origin).flat_map(f32::to_le_bytes));
         bytes.extend(i32::from(self.grid.exponent).to_le_bytes());
         bytes.extend(self.quantisation.steps().into_iter().flat_map(|(_, s)| s.to_le_bytes()));
+        bytes.extend(options.trained_focal.into_iter().flat_map(f32::to_le_bytes));
         bytes
     }
 
@@ -53,18 +63,25 @@ impl Header {
         if sh_degree > Splats::MAX_SH_DEGREE {
             return Err(PriorError::ShDegree { degree: sh_degree });
         }
-        if bytes[6] > 1 || bytes[7] > 7 {
+        if bytes[6] > 3 || bytes[7] > 7 {
             return Err(refusal(6, "unknown flags".into()));
         }
         let count = u32::from_le_bytes(word(8));
         if count == 0 {
             return Err(PriorError::Empty);
         }
+        let needed = Header::BYTES + FOCAL;
+        let has_focal = bytes[6] & 2 != 0;
+        if has_focal && bytes.len() < needed {
+            let (needed, found) = (needed as u128, bytes.len());
+            return Err(PriorError::Truncated { needed, found });
+        }
         let options = RenderOptions {
             near: float(16),
             alpha_max: float(20),
-            antialiased: bytes[6] == 1,
+            antialiased: bytes[6] & 1 != 0,
             background: triple(24),
+            trained_focal: has_focal.then(|| float(Header::BYTES)),
         };
         options.check()?;
         let grid = Grid { origin: triple(36), exponent: exponent(i32::from_le_bytes(word(48)))? };

@@ -185,16 +185,17 @@ impl Parts<'_> {
         let needed = (Header::BYTES + CHECK) as u128;
         let truncated = || PriorError::Truncated { needed, found: bytes.len() };
         let (content, check) = bytes.split_last_chunk::<CHECK>().ok_or_else(truncated)?;
-        let rest = content.get(Header::BYTES..).ok_or_else(truncated)?;
+        content.get(..Header::BYTES).ok_or_else(truncated)?;
         let (stated, found) = (u32::from_le_bytes(*check), crc32fast::hash(content));
         if stated != found {
             return Err(PriorError::Damaged { stated, found });
         }
         let header = Header::read(content)?;
         let there = [header.preprocessing, header.key_frames, header.coder_tables];
-        let (besides, size) = read_besides(rest, Header::BYTES, there)?;
+        let (at, rest) = (header.size(), &content[header.size()..]);
+        let (besides, size) = read_besides(rest, at, there)?;
         let Besides { preprocessing, key_frames, coder_tables } = besides;
-        let (stream_at, stream) = (Header::BYTES + size, &rest[size..]);
+        let (stream_at, stream) = (at + size, &rest[size..]);
         Ok(Parts { header, preprocessing, key_frames, coder_tables, stream_at, stream })
     }
 }

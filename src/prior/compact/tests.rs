@@ -100,7 +100,9 @@ fn errors_are_half_a_step_at_most() {
 #[test]
 fn opened_by_content_as_the_prior_that_was_written() {
     let background = [0.1, 0.2, 0.3];
-    let options = RenderOptions { antialiased: true, background, ..RenderOptions::INRIA };
+    let trained_focal = Some(270.25);
+    let options =
+        RenderOptions { antialiased: true, background, trained_focal, ..RenderOptions::INRIA };
     for degree in 0..=3 {
         for count in [1, 2, 50] {
             let splats = sample_splats(count, degree);

@@ -50,6 +50,7 @@ fn what_was_written_is_read_back() {
         alpha_max: 0.999,
         antialiased: true,
         background: [0.1, 0.5, 1.0],
+        trained_focal: Some(270.25),
     };
     for degree in 0..=3 {
         let splats = sample_splats(7, degree);

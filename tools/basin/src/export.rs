@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
+use nvsprior::Camera;
 use nvsprior_inputs::run_writer::{RunView, RunWriter, RunWriterError};
 
-use super::{CAMERA, DemoFrame};
+use super::DemoFrame;
 
-/// Writes frames as `folder/split/NAME.png` and their poses as `folder/cameras.json`. Gives each
+/// Writes a camera's frames as `folder/split/NAME.png` and their poses as `folder/cameras.json`. Gives each
 /// frame to `written` once its file is there.
 pub fn write_run(
     folder: &Path,
     split: &str,
+    camera: Camera,
     frames: impl Iterator<Item = DemoFrame>,
     mut written: impl FnMut(&DemoFrame),
 ) -> Result<(), RunWriterError> {
@@ -19,15 +21,15 @@ pub fn write_run(
     for frame in frames {
         let file = writer.picture(&format!("{split}/{}", frame.name), &frame.picture)?;
         let (pose, time) = (frame.pose, Some(frame.time));
-        views.push(RunView { file, split: split.to_owned(), camera: CAMERA, pose, time });
+        views.push(RunView { file, split: split.to_owned(), camera, pose, time });
         written(&frame);
     }
-    writer.list(CAMERA, &views)
+    writer.list(camera, &views)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Conditions, Run, inspection_run};
+    use super::super::{CAMERA, Conditions, Run, inspection_run};
     use super::*;
 
     #[test]
@@ -35,7 +37,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let frames: Vec<_> = inspection_run(Run::T1, 2, Conditions::CALM).collect();
         let mut count = 0;
-        write_run(folder.path(), "t1", frames.clone().into_iter(), |_| count += 1).unwrap();
+        write_run(folder.path(), "t1", CAMERA, frames.clone().into_iter(), |_| count += 1).unwrap();
         assert_eq!(count, 2);
         let json = std::fs::read(folder.path().join("cameras.json")).unwrap();
         let json: serde_json::Value = serde_json::from_slice(&json).unwrap();

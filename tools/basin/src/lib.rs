@@ -36,9 +36,14 @@ use sensor::Disturbance;
 use trace::Rays;
 use water::Light;
 
-/// The camera of all runs: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
+/// The camera of all runs, unless another width is asked for: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
 pub const CAMERA: Camera =
     Camera { width: 320, height: 180, fx: 228.503_7, fy: 228.503_7, cx: 160.0, cy: 90.0 };
+
+/// [`CAMERA`] at another width: the same field of view, 16:9.
+pub fn camera_of_width(width: u32) -> Camera {
+    CAMERA.resized(width, (9 * width + 8) / 16)
+}
 
 /// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg.
 pub const PRIOR: &[u8] = include_bytes!("../prior.nvsg");
@@ -110,6 +115,15 @@ pub struct DemoFrame {
 
 /// The frames of a site's mapping run, each drawn when asked for.
 pub fn mapping_run(site: Site, conditions: Conditions) -> impl ExactSizeIterator<Item = DemoFrame> {
+    mapping_run_by(CAMERA, site, conditions)
+}
+
+/// As [`mapping_run`], with another camera than [`CAMERA`].
+pub fn mapping_run_by(
+    camera: Camera,
+    site: Site,
+    conditions: Conditions,
+) -> impl ExactSizeIterator<Item = DemoFrame> {
     let scene = site.mapped();
     let tag = match site {
         Site::Basin => 0,
@@ -117,7 +131,7 @@ pub fn mapping_run(site: Site, conditions: Conditions) -> impl ExactSizeIterator
     };
     site.mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
         // The mapping run takes its time: a picture every 4 seconds.
-        draw(&scene, &CAMERA, &conditions, pose, index, 4.0 * index as f64, tag)
+        draw(&scene, &camera, &conditions, pose, index, 4.0 * index as f64, tag)
     })
 }
 
@@ -162,6 +176,7 @@ pub fn dive_by(
 /// Views of the basin as mapped, from anywhere in the free water: the first `count` of a fixed sequence. Each is drawn
 /// when asked for.
 pub fn random_views(
+    camera: Camera,
     count: usize,
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> {
@@ -170,7 +185,7 @@ pub fn random_views(
     let even = std::iter::repeat_with(|| random.even());
     let poses: Vec<Pose> = trajectory::basin::random_poses(even).take(count).collect();
     poses.into_iter().enumerate().map(move |(index, pose)| {
-        draw(&scene, &CAMERA, &conditions, pose, index, 4.0 * index as f64, 3)
+        draw(&scene, &camera, &conditions, pose, index, 4.0 * index as f64, 3)
     })
 }
 
@@ -226,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_camera_of_twice_the_size_sees_the_same() {
-        let large = CAMERA.resized(640, 360);
+        let large = camera_of_width(640);
         let [a, b] = [CAMERA, large]
             .map(|camera| inspection_run_by(camera, Run::T2, 1, STILL).next().unwrap().picture);
         let mut halved = a.clone();
@@ -236,6 +251,18 @@ mod tests {
             *value = ((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4) as u8;
         }
         assert!(a.psnr(&halved) > 30.0, "{} dB", a.psnr(&halved));
+    }
+
+    #[test]
+    fn cameras_of_all_widths_see_as_far() {
+        assert_eq!(camera_of_width(320), CAMERA);
+        for (width, height) in [(160, 90), (161, 91), (640, 360), (1280, 720), (1282, 721)] {
+            let camera = camera_of_width(width);
+            assert_eq!((camera.width, camera.height), (width, height));
+            let tangents = [(camera.cx / camera.fx), (camera.cy / camera.fy)];
+            let wanted = [(CAMERA.cx / CAMERA.fx), (CAMERA.cy / CAMERA.fy)];
+            assert!((0..2).all(|i| (tangents[i] - wanted[i]).abs() < 1e-6), "{camera:?}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ mod drawing;
 mod table;
 mod video;
 
+use std::io::ErrorKind;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,7 +16,7 @@ use nvsprior::prior::{Doubt, replace_file};
 use nvsprior::render::Scene;
 use nvsprior::residual::{ResidualCoder, Webp};
 use nvsprior::tracking::Optimizer;
-use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior, Rate};
+use nvsprior::{Camera, Encoder, EncoderOptions, Engine, Picture, Prior, Rate, RenderOptions};
 
 use crate::sheet::{self, SheetRow};
 use drawing::{SceneArgs, draw_dive, draw_mapping_run};
@@ -72,14 +73,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     values::make_folder("--out", &args.out)?;
     let site = args.scene.site()?;
     if args.mapping_run {
-        return draw_mapping_run(&args.out, site);
+        return draw_mapping_run(&args.out, args.scene.camera(), site);
     }
     let dives = args.scene.dives()?;
     if site == Site::Basin && !args.draw_only {
         return encode_basin(args, &dives);
     }
     for dive in &dives {
-        draw_dive(&args.out, dive, args.frames.get(), |_| ())?;
+        draw_dive(&args.out, args.scene.camera(), dive, args.frames.get(), |_| ())?;
         println!("the inspection run is in {}", args.out.join(dive.run.name()).display());
     }
     draw_views(args)
@@ -89,12 +90,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 fn encode_basin(args: &Args, dives: &[Dive]) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let prior_file = args.out.join("prior.ply");
-    let prior = write_prior(&prior_file)?;
+    let prior = write_prior(&prior_file, &args.scene.camera())?;
     let scene = engine.upload(&prior)?;
     let mut tables = String::new();
     for dive in dives {
         let mut frames = Vec::new();
-        draw_dive(&args.out, dive, args.frames.get(), |frame| frames.push(frame.clone()))?;
+        draw_dive(&args.out, args.scene.camera(), dive, args.frames.get(), |frame| {
+            frames.push(frame.clone())
+        })?;
         let name = dive.run.name();
         let job = Job { args, name, engine: &engine, scene: &scene, prior: &prior_file };
         let table = job.table(&frames)?;
@@ -113,9 +116,10 @@ fn draw_views(args: &Args) -> anyhow::Result<()> {
     if args.views == 0 {
         return Ok(());
     }
+    let camera = args.scene.camera();
     let bar = progress(args.views, "drawing random views");
-    let views = nvsprior_basin::random_views(args.views, Conditions::CALM);
-    nvsprior_basin::write_run(&args.out.join("views"), "views", views, |_| bar.inc(1))?;
+    let views = nvsprior_basin::random_views(camera, args.views, Conditions::CALM);
+    nvsprior_basin::write_run(&args.out.join("views"), "views", camera, views, |_| bar.inc(1))?;
     bar.finish_and_clear();
     Ok(())
 }
@@ -125,19 +129,30 @@ pub fn prior() -> anyhow::Result<Prior> {
     Ok(Prior::from_bytes(nvsprior_basin::PRIOR, "the demo's prior", &Default::default())?)
 }
 
-/// Writes the prior as a file that viewers read, too.
-fn write_prior(path: &Path) -> anyhow::Result<Prior> {
+/// Writes the prior as a file that viewers read, too. For pictures of another size than it was trained at, it states
+/// its own. That makes it another prior: what comes with the program of its doubt is not about that one.
+fn write_prior(path: &Path, camera: &Camera) -> anyhow::Result<Prior> {
     let shipped = prior()?;
+    let is_usual = *camera == CAMERA;
+    let trained_focal = (!is_usual).then_some(CAMERA.fx);
+    let options = RenderOptions { trained_focal, ..*shipped.options() };
     let mut bytes = Vec::new();
     write_ply(
         shipped.splats(),
-        shipped.options(),
+        &options,
         shipped.key_frames(),
         shipped.preprocessing(),
         &mut bytes,
     )?;
     replace_file(path, &bytes)?;
-    replace_file(&Doubt::path_beside(path), nvsprior_basin::DOUBT)?;
+    let doubt = Doubt::path_beside(path);
+    if is_usual {
+        replace_file(&doubt, nvsprior_basin::DOUBT)?;
+    } else if let Err(error) = std::fs::remove_file(&doubt)
+        && error.kind() != ErrorKind::NotFound
+    {
+        return Err(error).with_context(|| format!("removing {}", doubt.display()));
+    }
     let prior = Prior::open(path, &Default::default())?;
     println!("prior: {} splats and {} key frames", prior.len(), prior.key_frames().len());
     Ok(prior)
@@ -161,8 +176,10 @@ impl Job<'_> {
         let (paper, _) = self.encode(frames, Optimizer::Bfgs, ResidualCoder::Webp, same)?;
         let webp = self.webp(frames, default.psnr)?;
         sheet::write(&self.args.out.join(format!("{}.png", self.name)), &pictures)?;
-        let title = format!("{}, {} frames of 320×180", self.name, frames.len());
-        Ok(Table { title, rows: vec![webp, paper, default] })
+        let camera = self.args.scene.camera();
+        let (width, height) = (camera.width, camera.height);
+        let title = format!("{}, {} frames of {width}×{height}", self.name, frames.len());
+        Ok(Table { camera, title, rows: vec![webp, paper, default] })
     }
 
     /// Plain WebP of the frames, each at the least quality that reaches a PSNR.
@@ -188,7 +205,8 @@ impl Job<'_> {
         let mut options =
             EncoderOptions { threshold: THRESHOLD, rate, residual, ..Default::default() };
         options.refine.optimizer = optimizer;
-        let mut encoder = Encoder::new(self.engine, self.scene, &CAMERA, options)?;
+        let camera = self.args.scene.camera();
+        let mut encoder = Encoder::new(self.engine, self.scene, &camera, options)?;
         let folder = self.args.out.join(self.name);
         let packets = folder.join(format!("packets-{}", optimizer.name()));
         std::fs::create_dir_all(&packets)
@@ -221,7 +239,7 @@ impl Job<'_> {
         self.decode(&packets, &decoded)?;
         for (frame, pictures) in frames.iter().zip(&pictures) {
             let path = decoded.join(&frame.name);
-            let topside = frame_file::read_frame(&path, CAMERA.width, CAMERA.height)?;
+            let topside = frame_file::read_frame(&path, camera.width, camera.height)?;
             anyhow::ensure!(
                 Some(&topside) == pictures.reconstruction.as_ref(),
                 "{}: the topside shows another picture than the encoder predicted",

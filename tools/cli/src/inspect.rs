@@ -74,6 +74,9 @@ fn describe(args: &Args, prior: &Prior) {
     row("near plane", options.near.to_string());
     row("alpha clamp", options.alpha_max.to_string());
     row("anti-aliased", if options.antialiased { "yes" } else { "no" }.into());
+    if let Some(focal) = options.trained_focal {
+        row("trained at", format!("a focal length of {focal} pixels"));
+    }
     row("background", format!("{:?}", options.background));
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let values = splats.positions.iter().map(|p| p[axis]).collect();

@@ -163,6 +163,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let found = args.structure.find(unposed.as_ref(), &search, navigation)?;
     let (found, poses) = found.unzip();
     let listed = args.inputs.list(found)?;
+    let options = MapOptions { reductions: listed.reductions.clone(), ..options };
+    let options = match from {
+        Some(_) => options,
+        None => options.stating_focal(&listed.size),
+    };
     memory::check(&engine, &listed, &options, from.is_some())?;
     let inputs = args.inputs.read(listed, &preprocessing)?;
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;

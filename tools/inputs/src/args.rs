@@ -41,6 +41,10 @@ pub struct OverrideArgs {
     /// The prior was trained with anti-aliased opacity (gsplat's mode)
     #[arg(long)]
     antialiased: bool,
+    /// Focal length, pixels, of the pictures that the prior was trained on: the low-pass is that of their pixels, so
+    /// that other sizes can be drawn [default: as the file says, else the low-pass is that of the pixels drawn]
+    #[arg(long, value_name = "PIXELS", value_parser = values::focal, allow_hyphen_values = true)]
+    trained_focal: Option<f32>,
 }
 
 impl OverrideArgs {
@@ -49,6 +53,7 @@ impl OverrideArgs {
             near: self.near,
             alpha_max: self.alpha_max,
             antialiased: self.antialiased.then_some(true),
+            trained_focal: self.trained_focal,
             ..RenderOverrides::default()
         }
     }

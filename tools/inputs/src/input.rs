@@ -72,6 +72,13 @@ impl Input {
 }
 
 impl InputArgs {
+    /// The same, at another width; 0: as wide as the frames are.
+    pub fn at_width(&self, width: u32) -> InputArgs {
+        let (cameras, split, starts) =
+            (self.cameras.clone(), self.split.clone(), self.starts.clone());
+        InputArgs { cameras, split, starts, size: SizeArgs::of(width), ..*self }
+    }
+
     /// The frames, in time order; at least one.
     pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
         self.frames_from(&self.starts)

@@ -57,6 +57,10 @@ pub fn near(text: &str) -> Result<f32, String> {
     Ok(within(text, 1e-6, 1e6, "between 1e-6 and 1e6")? as f32)
 }
 
+pub fn focal(text: &str) -> Result<f32, String> {
+    Ok(within(text, 1.0, 1e6, "between 1 and 1e6 pixels")? as f32)
+}
+
 pub fn alpha_max(text: &str) -> Result<f32, String> {
     Ok(within(text, 0.01, 0.9999, "between 0.01 and 0.9999")? as f32)
 }

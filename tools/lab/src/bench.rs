@@ -16,6 +16,7 @@ pub(crate) mod report;
 mod scaling;
 mod similarity;
 mod site;
+mod sizes;
 pub(crate) mod stages;
 pub(crate) mod statistics;
 pub(crate) mod steady;
@@ -24,6 +25,7 @@ pub(crate) mod trials;
 
 use std::path::PathBuf;
 
+use clap::builder::ArgPredicate;
 use nvsprior::Prior;
 use nvsprior::image::Preprocessor;
 use nvsprior::tracking::Optimizer;
@@ -47,14 +49,16 @@ pub use statistics::median;
 /// stays more than 0.1 dB below that at the best known pose.
 #[derive(clap::Args)]
 #[command(
-    mut_arg("prior", |arg| arg.required(false).required_unless_present("site")),
-    mut_arg("cameras", |arg| arg.required(false).required_unless_present("site"))
+    mut_arg("prior", |arg| arg.required(false).required_unless_present("site")
+        .default_value_if("site", ArgPredicate::IsPresent, NOT_GIVEN)),
+    mut_arg("cameras", |arg| arg.required(false).required_unless_present("site")
+        .default_value_if("site", ArgPredicate::IsPresent, NOT_GIVEN))
 )]
 pub struct Args {
     #[command(flatten)]
-    prior: Option<PriorArgs>,
+    prior: PriorArgs,
     #[command(flatten)]
-    input: Option<InputArgs>,
+    input: InputArgs,
     /// Gradient methods to compare with Gauss–Newton, which is always measured
     #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
     optimizers: Vec<OptimizerArg>,
@@ -80,6 +84,8 @@ pub struct Args {
     paper: paper::PaperArgs,
     #[command(flatten)]
     site: site::SiteArgs,
+    #[command(flatten)]
+    sizes: sizes::SizesArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
@@ -90,17 +96,24 @@ pub struct Args {
     device: DeviceArgs,
 }
 
+/// The prior and the cameras of a bench that needs none: no file has this name.
+const NOT_GIVEN: &str = "/";
+
 /// Measures, prints, and writes the report. `demo_prior`: what `--site` copies if no prior is given.
 pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyhow::Result<()> {
     let folder = &args.report;
     values::make_folder("--report", folder)?;
     if args.site.site {
-        let scene = || args.prior.as_ref().map_or_else(&demo_prior, PriorArgs::open);
+        let scene = || match args.prior.prior.as_os_str() == NOT_GIVEN {
+            true => demo_prior(),
+            false => args.prior.open(),
+        };
         return site::run(&args.site, scene, &args.device, folder);
     }
-    let (Some(prior), Some(input)) = (&args.prior, &args.input) else {
-        return Err(values::WrongUsage("--prior and --cameras are needed".into()).into());
-    };
+    let (prior, input) = (&args.prior, &args.input);
+    if args.sizes.sizes {
+        return sizes::run(&args.sizes, prior, input, &args.device, folder);
+    }
     let mut context = open(args, prior, input)?;
     if args.ablation.ablation {
         ablation::run(&args.ablation, &mut context, folder)?;

@@ -2,6 +2,7 @@
 
 mod channel;
 mod chart;
+mod footage;
 mod region;
 mod report;
 mod simulation;
@@ -16,18 +17,16 @@ use nvsprior::modem::{
     Loss, ModemError, Protection, RateControlOptions, Sender, SenderOptions, UpdateOptions,
 };
 use nvsprior::residual::Tune;
-use nvsprior::tracking::FrameInfo;
 use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
-use nvsprior_inputs::frame_file;
-use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::channel::ChannelOptions;
-use nvsprior_link::forth_and_back;
 use nvsprior_link::vehicle::VehicleOptions;
 
+use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
 use report::LinkRun;
 use simulation::Simulation;
@@ -68,6 +67,13 @@ pub struct Args {
     /// at the poses of the camera file
     #[arg(long)]
     region: bool,
+    /// Pictures are so wide from a frame of the run on, counted from 0: the size changes in flight. Before it they have
+    /// --width. Several with commas between them. PSNR is that at the size that is shown
+    #[arg(long, value_name = "FRAME:WIDTH", value_delimiter = ',', conflicts_with_all = ["region", "beside"])]
+    width_from: Vec<WidthFrom>,
+    /// Folder for what the pilot sees of each frame, at the first --loss: NUMBER.png
+    #[arg(long, value_name = "DIR")]
+    frames_out: Option<PathBuf>,
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = values::rate)]
     fps: f64,
@@ -309,48 +315,23 @@ impl Args {
     }
 }
 
-/// A camera's frames, in time order.
-struct Footage {
-    /// The first one's camera; all others must be of its size.
-    camera: nvsprior::Camera,
-    first: FrameInfo,
-    pictures: Vec<Picture>,
-    /// By picture; none if they are not asked for.
-    regions: Vec<Region>,
-}
-
-impl Footage {
-    fn read(inputs: &[Input], preprocessor: &mut Preprocessor) -> anyhow::Result<Footage> {
-        let (camera, first) = (inputs[0].camera, inputs[0].external);
-        let read = |input: &Input| {
-            anyhow::ensure!(
-                input.camera == camera,
-                "{}: not of the first frame's camera",
-                input.file
-            );
-            let mut picture = frame_file::read_frame(&input.path, camera.width, camera.height)?;
-            preprocessor.apply(&mut picture);
-            Ok(picture)
-        };
-        let pictures = inputs.iter().map(read).collect::<anyhow::Result<_>>()?;
-        Ok(Footage { camera, first, pictures, regions: Vec::new() })
+/// Reads the frames at all sizes that they are sent at.
+fn footage(args: &Args, preprocessor: &mut Preprocessor) -> anyhow::Result<Footage> {
+    let inputs = args.input.frames()?;
+    let first = inputs[0].external;
+    let mut sizes = vec![(0, AtSize::read(&inputs, preprocessor)?)];
+    let widest = inputs[0].camera.width;
+    let mut changes = args.width_from.clone();
+    changes.sort_by_key(|change| change.frame);
+    for WidthFrom { frame, width } in changes {
+        if width > widest {
+            let text = format!("--width-from: {width} is more than the frames' {widest} pixels");
+            return Err(WrongUsage(text).into());
+        }
+        let inputs = args.input.at_width(width).frames()?;
+        sizes.push((frame, AtSize::read(&inputs, preprocessor)?));
     }
-
-    /// Frame `k` of the run.
-    fn picture(&self, k: usize) -> &Picture {
-        &self.pictures[forth_and_back(k, self.pictures.len())]
-    }
-
-    /// Mean part of a picture that shows what the prior does not; `None`: it is not asked for.
-    fn region_part(&self) -> Option<f64> {
-        let parts = self.regions.iter().map(Region::part).sum::<f64>();
-        (!self.regions.is_empty()).then(|| parts / self.regions.len() as f64)
-    }
-
-    /// Where it shows what the prior does not, if that is known.
-    fn region(&self, k: usize) -> Option<&Region> {
-        self.regions.get(forth_and_back(k, self.pictures.len()))
-    }
+    Ok(Footage { first, sizes, regions: Vec::new() })
 }
 
 /// Simulates, prints and writes the report.
@@ -358,26 +339,31 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mode = args.mode.mode(args.link.return_delay.is_some())?;
     let settings = args.settings(mode)?;
     args.beside.iter().try_for_each(|coder| coder.check())?;
-    let inputs = args.input.frames()?;
     values::make_folder("--report", &args.report)?;
+    if let Some(folder) = &args.frames_out {
+        values::make_folder("--frames-out", folder)?;
+    }
+    let inputs = args.input.frames()?;
     let engine = args.device.open()?;
     let scene = match args.learn {
         true => args.prior.upload_for_updates(&engine)?,
         false => args.prior.upload(&engine)?,
     };
-    let mut footage = Footage::read(&inputs, &mut Preprocessor::new(scene.preprocessing()))?;
+    let mut footage = footage(args, &mut Preprocessor::new(scene.preprocessing()))?;
     let frames = match args.seconds {
         Some(seconds) => ((seconds * args.fps) as usize).max(1),
-        None => footage.pictures.len(),
+        None => footage.len(),
     };
     if args.region {
-        let frames = footage.pictures.iter().zip(inputs.iter().map(|input| input.known));
-        footage.regions = Region::of_all(&engine, &scene, &footage.camera, frames)?;
+        let AtSize { camera, pictures } = &footage.sizes[0].1;
+        let frames = pictures.iter().zip(inputs.iter().map(|input| input.known));
+        footage.regions = Region::of_all(&engine, &scene, camera, frames)?;
     }
     let bar = progress(frames * settings.len(), "frames");
     let mut runs: Vec<LinkRun> = Vec::new();
     for setting in settings {
-        let simulation = Simulation::new(&engine, &scene, &footage, setting, args.threshold)?;
+        let mut simulation = Simulation::new(&engine, &scene, &footage, setting, args.threshold)?;
+        simulation.frames_out = args.frames_out.as_deref().filter(|_| runs.is_empty());
         runs.push(simulation.run(frames, || bar.inc(1))?);
     }
     bar.finish_and_clear();

@@ -25,7 +25,6 @@ use rayon::prelude::*;
 
 use nvsprior::render::{Jacobian, NormalEquations};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
-use nvsprior_kernels::shared::low_pass;
 
 use project::{Projected, Splat};
 use risk::WatchedPixel;
@@ -53,7 +52,7 @@ pub struct Viewpoint<'a> {
     pub camera: &'a Camera,
     pub pose: &'a Pose,
     pub options: &'a RenderOptions,
-    /// See [`nvsprior_kernels::shared::low_pass`].
+    /// See [`nvsprior::RenderOptions::low_pass`].
     pub low_pass: [f32; 2],
 }
 
@@ -104,7 +103,7 @@ impl<'a> Twin<'a> {
     /// The view of this prior from a pose.
     pub fn view<'v>(&'v self, camera: &'v Camera, pose: &'v Pose) -> Viewpoint<'v> {
         let options = self.prior.options();
-        Viewpoint { camera, pose, options, low_pass: low_pass(options.antialiased, self.factor) }
+        Viewpoint { camera, pose, options, low_pass: options.low_pass(camera, self.factor) }
     }
 
     /// All splats in front of the near plane, nearest first, ties by index.

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Dive, Run, Site};
+use nvsprior::Camera;
+use nvsprior_basin::{Conditions, DemoFrame, Dive, Run, Site, camera_of_width};
 use nvsprior_inputs::args::progress;
 use nvsprior_inputs::values::{self, WrongUsage};
 
@@ -28,7 +29,14 @@ pub struct SceneArgs {
     #[arg(long, value_name = "FPS", default_value_t = nvsprior_basin::FRAME_RATE,
         value_parser = values::frame_rate, allow_hyphen_values = true)]
     rate: f64,
+    /// Width of the pictures. Height and focal length follow: 16:9, the same field of view
+    #[arg(long, value_name = "PIXELS", default_value_t = nvsprior_basin::CAMERA.width,
+        value_parser = clap::value_parser!(u32).range(LEAST_WIDTH..=i64::from(Camera::MAX_SIDE)))]
+    width: u32,
 }
+
+/// Narrower pictures show too little of the scene to search by.
+const LEAST_WIDTH: i64 = 160;
 
 /// Name of a site.
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -55,6 +63,10 @@ fn run_named(name: &str) -> Result<Run, String> {
 }
 
 impl SceneArgs {
+    pub fn camera(&self) -> Camera {
+        camera_of_width(self.width)
+    }
+
     /// The site that is named, or the one of the run that is.
     pub fn site(&self) -> Result<Site, WrongUsage> {
         match (self.site.map(Site::from), self.run) {
@@ -92,12 +104,12 @@ impl SceneArgs {
 }
 
 /// Draws a mapping run into a folder of its name.
-pub fn draw_mapping_run(out: &Path, site: Site) -> anyhow::Result<()> {
+pub fn draw_mapping_run(out: &Path, camera: Camera, site: Site) -> anyhow::Result<()> {
     let name = site.mapping_run_name();
     let folder = out.join(name);
-    let run = nvsprior_basin::mapping_run(site, Conditions::CALM);
+    let run = nvsprior_basin::mapping_run_by(camera, site, Conditions::CALM);
     let bar = progress(run.len(), "drawing the mapping run");
-    nvsprior_basin::write_run(&folder, name, run, |_| bar.inc(1))?;
+    nvsprior_basin::write_run(&folder, name, camera, run, |_| bar.inc(1))?;
     bar.finish_and_clear();
     println!("the mapping run is in {}", folder.display());
     Ok(())
@@ -107,14 +119,15 @@ pub fn draw_mapping_run(out: &Path, site: Site) -> anyhow::Result<()> {
 /// to `drawn` once its file is there.
 pub fn draw_dive(
     out: &Path,
+    camera: Camera,
     dive: &Dive,
     count: usize,
     mut drawn: impl FnMut(&DemoFrame),
 ) -> anyhow::Result<()> {
     let name = dive.run.name();
     let bar = progress(count, "drawing an inspection run");
-    let frames = nvsprior_basin::dive_by(CAMERA, *dive, count, Conditions::CALM);
-    nvsprior_basin::write_run(&out.join(name), name, frames, |frame| {
+    let frames = nvsprior_basin::dive_by(camera, *dive, count, Conditions::CALM);
+    nvsprior_basin::write_run(&out.join(name), name, camera, frames, |frame| {
         drawn(frame);
         bar.inc(1);
     })?;

@@ -2,10 +2,11 @@
 
 use std::fmt;
 
-use nvsprior_basin::CAMERA;
+use nvsprior::Camera;
 
 /// Means over the frames of a run.
 pub struct Table {
+    pub camera: Camera,
     pub title: String,
     pub rows: Vec<TableRow>,
 }
@@ -45,7 +46,7 @@ impl TableRow {
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let raw = (CAMERA.pixels() * 3) as f64;
+        let raw = (self.camera.pixels() * 3) as f64;
         writeln!(f, "{}", self.title)?;
         write!(
             f,

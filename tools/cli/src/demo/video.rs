@@ -16,7 +16,8 @@ use nvsprior_inputs::video::{DecoderChoice, encode_video};
 pub struct VideoArgs {
     /// Only draws a survey of the quay as a video (MP4, 1280×720) through a lens that distorts, to map from. Where the
     /// camera was is written beside it (FILE.csv, as `encode --starts` reads it)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "draw_only", "mapping_run", "views", "site"])]
+    #[arg(long, value_name = "FILE",
+        conflicts_with_all = ["run", "draw_only", "mapping_run", "views", "site", "width"])]
     video: Option<PathBuf>,
     /// Draw a later dive along a part of the survey's course, to be encoded with the survey's prior
     #[arg(long, requires = "video")]

@@ -9,7 +9,7 @@ use nvsprior_inputs::args::{SizeArgs, progress};
 use nvsprior_inputs::points::{Point, read_points};
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, PosedPictures, posed_pictures};
 use nvsprior_inputs::run_writer::{RunView, RunWriter, RunWriterError};
-use nvsprior_inputs::values::make_folder;
+use nvsprior_inputs::values::{WrongUsage, make_folder};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use rayon::prelude::*;
@@ -45,6 +45,11 @@ pub struct InputArgs {
     points: Option<PathBuf>,
     #[command(flatten)]
     size: SizeArgs,
+    /// Train for several sizes, each in its turn, so that one prior serves all: the widths of the pictures, of which
+    /// the widest is a multiple of each other one
+    #[arg(long, value_name = "PIXELS,...", value_delimiter = ',', conflicts_with = "width",
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(Camera::MAX_SIDE)))]
+    widths: Vec<u32>,
     /// Write the pictures without distortion, at the size that they are trained at, with their poses (cameras.json):
     /// what
     /// `trim`, `tables`, `encode` and `bench` read
@@ -90,6 +95,8 @@ pub struct Listed {
     pub points: Vec<ColouredPoint>,
     /// The camera of the first picture, of the size that all are brought to.
     pub size: Camera,
+    /// How much smaller the sizes are that are trained for.
+    pub reductions: Vec<u32>,
 }
 
 impl Listed {
@@ -135,11 +142,33 @@ impl InputArgs {
 
     /// The width of the pictures that are trained on; `None`: as they are.
     pub fn width(&self) -> Option<u32> {
-        self.size.most()
+        self.sizes().most()
+    }
+
+    /// The size of all pictures.
+    fn sizes(&self) -> SizeArgs {
+        self.widths.iter().max().map_or_else(|| self.size.clone(), |widest| SizeArgs::of(*widest))
+    }
+
+    /// How much smaller the sizes are that are trained for than pictures of a width.
+    fn reductions(&self, width: u32) -> Result<Vec<u32>, WrongUsage> {
+        let reduction = |own: &u32| match width % own {
+            0 => Ok(width / own),
+            _ => Err(WrongUsage(format!(
+                "--widths: {width} is no multiple of {own}; the pictures are {width} pixels wide at most"
+            ))),
+        };
+        match &self.widths[..] {
+            [] => Ok(vec![1]),
+            widths => widths.iter().map(reduction).collect(),
+        }
     }
 
     /// Finds out before hours of work whether points and masks that were given are there.
     pub fn check(&self) -> anyhow::Result<()> {
+        if let Some(widest) = self.widths.iter().max() {
+            self.reductions(*widest)?;
+        }
         if let Some(masks) = self.masks.as_deref().filter(|masks| !masks.is_dir()) {
             anyhow::bail!("{}: no folder of masks", masks.display());
         }
@@ -164,7 +193,9 @@ impl InputArgs {
         let Divided { train, held_out } = self.divide(listed.inputs)?;
         let size =
             train.first().map(|input| self.camera(input)).context("no picture to train on")?;
-        Ok(Listed { train, held_out, points: points.iter().map(coloured).collect(), size })
+        let points = points.iter().map(coloured).collect();
+        let reductions = self.reductions(size.width)?;
+        Ok(Listed { train, held_out, points, size, reductions })
     }
 
     fn posed_options(&self) -> PosedOptions {
@@ -178,7 +209,8 @@ impl InputArgs {
 
     /// Reads the pictures and treats them, and writes them as they are trained on, if that is wanted.
     pub fn read(&self, listed: Listed, preprocessing: &Preprocessing) -> anyhow::Result<MapInputs> {
-        let Listed { train, held_out, points, size } = listed;
+        let Listed { train, held_out, points, size, reductions } = listed;
+        let smaller = self.smaller(&held_out, &size, &reductions, preprocessing)?;
         let bar = progress(train.len() + held_out.len(), "pictures");
         let writer = self.undistorted.as_deref().map(RunWriter::new);
         let split = self.split.as_deref().unwrap_or(TRAIN);
@@ -203,7 +235,29 @@ impl InputArgs {
         let train = train.into_iter().map(|read| read.view).collect();
         let held_out = held_out.into_iter();
         let held_out = held_out.map(|(name, split, read)| HeldOut { name, split, view: read.view });
-        Ok(MapInputs { train, held_out: held_out.collect(), points })
+        Ok(MapInputs { train, held_out: held_out.chain(smaller).collect(), points })
+    }
+
+    /// The pictures that are held out, at the smaller sizes that are trained for.
+    fn smaller(
+        &self,
+        held_out: &[(String, PosedInput)],
+        size: &Camera,
+        reductions: &[u32],
+        preprocessing: &Preprocessing,
+    ) -> anyhow::Result<Vec<HeldOut>> {
+        let mut all = Vec::new();
+        for by in reductions.iter().filter(|by| **by > 1) {
+            let size = size.reduced(*by);
+            let read = |(split, input): &(String, PosedInput)| {
+                let view = self.read_one(&size, (None, split), preprocessing, input)?.view;
+                let split = format!("{split} at {}", size.width);
+                Ok(HeldOut { name: input.name.clone(), split, view })
+            };
+            let views = held_out.par_iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
+            all.extend(views);
+        }
+        Ok(all)
     }
 
     /// Reads the pictures of another list, at most so many, evenly spread, brought to the size of a camera.
@@ -244,7 +298,7 @@ impl InputArgs {
 
     /// The pinhole of a picture, at the size that it is trained at.
     fn camera(&self, input: &PosedInput) -> Camera {
-        self.size.reduced(&input.lens.pinhole())
+        self.sizes().reduced(&input.lens.pinhole())
     }
 
     /// Divides the pictures by their splits; without splits, as [`every`](Self::every).

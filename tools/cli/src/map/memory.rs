@@ -59,12 +59,14 @@ impl HostMemory {
         let numbers = 4 * u64::from(options.splats) * u64::from(planes(options.sh_degree));
         let pixels = listed.size.pixels() as u64;
         let remembered = if goes_on { listed.train.len() as u64 * REMEMBERED } else { 0 };
+        let of_size = |by: &u32| 4 * count * pixels / u64::from(*by).pow(2);
+        let smaller = options.reductions.iter().filter(|by| **by > 1).map(of_size).sum::<u64>();
         let at_once = rayon::current_num_threads() as u64;
         HostMemory {
             count,
             size: [listed.size.width, listed.size.height],
             splats: options.splats,
-            by_pictures: (count * PIXEL + remembered) * pixels,
+            by_pictures: (count * PIXEL + remembered) * pixels + smaller,
             by_splats: SETS * numbers,
             rest: at_once * DECODED * listed.largest() + POINT * listed.points.len() as u64,
         }

@@ -134,3 +134,34 @@ fn bench_needs_a_run() {
     let dive = Dive::new();
     dive.run(&format!("bench {INPUT} --limit 1 {SMALL}")).ends_with(1).says("one frame is no run");
 }
+
+#[test]
+fn bench_measures_sizes() {
+    let dive = Dive::new();
+    let width = dive.json("cameras.json")["width"].as_u64().unwrap();
+    let widths = format!("--sizes-widths {},{width},{}", width / 2, 4 * width);
+    let run = dive.run(&format!("bench {INPUT} --sizes {widths} --report out")).ends_with(0);
+    let rows = dive.json("out/sizes.json");
+    // Frames are not enlarged.
+    assert_eq!(rows.as_array().unwrap().len(), 2);
+    for (at, width) in [width / 2, width].into_iter().enumerate() {
+        let row = &rows[at];
+        assert_eq!((row["width"].as_u64(), row["frames"].as_u64()), (Some(width), Some(3)));
+        for key in ["render_psnr_db", "search_ms", "render_ms", "device_bytes"] {
+            assert!(number(row, &format!("/{key}")) > 0.0, "{key} of {row}");
+        }
+        for (index, target) in [31.0, 32.0, 33.0].into_iter().enumerate() {
+            let own = |key: &str| number(row, &format!("/at_psnr/{index}/{key}"));
+            assert_eq!(own("target_db"), target);
+            assert!(own("bytes") > 0.0 && own("code_ms") > 0.0 && own("decode_ms") > 0.0);
+            assert!(own("reached") < 3.0 || own("psnr_db") >= target, "{row}");
+        }
+        assert!(run.stdout.contains(&format!("\n{width}×")), "{}", run.stdout);
+    }
+    assert_eq!(table(&dive, "sizes.csv").len(), 3);
+    for plot in ["bytes", "times", "psnr"] {
+        assert!(dive.bytes(&format!("out/{plot}.svg")).starts_with(b"<svg"), "{plot}");
+    }
+    let narrow = format!("bench {INPUT} --sizes --sizes-widths {} --report out", 2 * width);
+    dive.run(&narrow).ends_with(1).says("--sizes-widths: the frames are only");
+}

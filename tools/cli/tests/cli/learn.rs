@@ -126,7 +126,8 @@ const MAPPED_FRAMES: usize = 20;
 fn with_and_without(frames: impl Iterator<Item = DemoFrame>) -> [f64; 3] {
     let dive = Dive::without_frames();
     std::fs::write(dive.path("prior.nvsg"), nvsprior_basin::PRIOR).unwrap();
-    nvsprior_basin::write_run(&dive.path("T1"), "T1", frames, |_| {}).unwrap();
+    nvsprior_basin::write_run(&dive.path("T1"), "T1", nvsprior_basin::CAMERA, frames, |_| {})
+        .unwrap();
     let encode = ENCODE.replace("T2", "T1");
     let sums = |args: &str| {
         dive.run(&format!("{args} --packets packets --summary summary.json")).ends_with(0);

@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use crate::dive::{Dive, FRAMES, name, pictures, save};
+use crate::dive::{Dive, FRAMES, INPUT, name, pictures, save};
 
 const DECODE: &str = "decode --prior prior.ply --frames out --packets";
 
@@ -245,4 +245,26 @@ fn what_is_learnt_goes_over_the_link() {
     assert!(with["region_psnr"].as_f64() < with["outside_psnr"].as_f64());
     dive.run(&format!("{LINK} --update-share 0.5 --report out")).ends_with(2);
     dive.run(&format!("{run} out --update-share 1")).ends_with(2).says("updates, share = 1");
+}
+
+#[test]
+fn the_size_changes_in_flight() {
+    let dive = Dive::new();
+    let width = dive.json("cameras.json")["width"].as_u64().unwrap() as u32;
+    let half = width / 2;
+    let link =
+        format!("link {INPUT} --bit-rate 20000 --fps 10 --seconds 1 --loss 0,0.2 --report link");
+    let sizes = format!("--width-from 7:{width},4:{half} --frames-out shown");
+    dive.run(&format!("{link} {sizes}")).ends_with(0);
+    let shown = |frame: u32| {
+        let picture = image::open(dive.path(&format!("shown/{frame:04}.png"))).unwrap();
+        picture.width()
+    };
+    let widths: Vec<u32> = (0..10).map(shown).collect();
+    // Frames that are left out show the picture before, of the size that it has.
+    assert_eq!((widths[0], widths[6], widths[9]), (width, half, width), "{widths:?}");
+    let report = dive.json("link/link.json");
+    assert!(report["shown_psnr"].as_f64().unwrap() > 20.0, "{report}");
+    dive.run(&format!("{link} --width-from 4:{}", 2 * width)).ends_with(2).says("--width-from");
+    dive.run(&format!("{link} --width-from four:20")).ends_with(2).says("--width-from");
 }

@@ -52,6 +52,29 @@ fn a_prior_is_trained_and_encodes_the_dive() {
 }
 
 #[test]
+fn one_prior_is_trained_for_several_sizes() {
+    let dive = Dive::new();
+    let cameras = dive.json("cameras.json");
+    let width = cameras["width"].as_u64().unwrap();
+    let half = width / 2;
+    dive.run(&format!("{MAP} --widths {half},{width} --out both.nvsg --report report"))
+        .ends_with(0);
+    let report = dive.json("report/report.json");
+    let splits = report["held_out_psnr_by_split"].as_object().unwrap();
+    let psnr = |split: &str| splits[split].as_f64().unwrap();
+    assert!(psnr("survey") > 0.0 && psnr(&format!("survey at {half}")) > 0.0, "{report}");
+    let prior = Prior::open(&dive.path("both.nvsg"), &Default::default()).unwrap();
+    let focal = cameras["fx"].as_f64().unwrap() as f32;
+    assert_eq!(prior.options().trained_focal, Some(focal));
+    let other = dive.run("inspect both.nvsg --trained-focal 123.5").ends_with(0).stdout;
+    assert!(other.contains("123.5 pixels"), "{other}");
+    // It is another prior.
+    assert!(!other.contains(&prior.id().to_string()), "{other}");
+    let odd = format!("{MAP} --widths {},{width} --out odd.nvsg", half + 1);
+    dive.run(&odd).ends_with(2).says(&format!("no multiple of {}", half + 1));
+}
+
+#[test]
 fn pictures_of_a_lens_are_written_without_distortion_for_the_other_commands() {
     let dive = Dive::new();
     let cameras = dive.json("cameras.json");

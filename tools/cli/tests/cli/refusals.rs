@@ -72,6 +72,8 @@ fn wrong_usage_ends_with_2() {
         ("demo --run T4 --age -1", "between 0 and 520 weeks"),
         ("demo --age 8", "--run"),
         ("demo --run T4 --dive 6", "1..=5"),
+        ("demo --run T1 --width 100", "160..=4096"),
+        ("demo --video quay.mp4 --width 640", "--width"),
         ("demo --rate -3", "between 0.1 and 1000 frames per second"),
         ("demo --run T4 --mapping-run", "--mapping-run"),
         ("split a.nvsp --mtu 30 --out frames", "31"),

@@ -179,6 +179,43 @@ pub fn site(path: &Path, rows: &[serde_json::Value]) -> anyhow::Result<()> {
     draw(path, &words, true, &series, &[])
 }
 
+/// Something by the width of pictures, a curve for each name.
+pub fn sizes(
+    path: &Path,
+    caption: &'static str,
+    y: &'static str,
+    curves: impl Iterator<Item = (String, Vec<(f64, f64)>)>,
+) -> anyhow::Result<()> {
+    let curve = |(name, points)| Series { name, points, line: true, dots: true };
+    let series: Vec<Series> = curves.map(curve).collect();
+    let points = || series.iter().flat_map(|series| series.points.iter());
+    let mut labels: Vec<_> = points().map(|point| (*point, format!("{:.0}", point.1))).collect();
+    // A logarithmic axis names powers of ten alone.
+    let (low, _) = bounds(points().map(|point| point.1));
+    let widths = series.first().into_iter().flat_map(|series| &series.points);
+    labels.extend(widths.map(|(width, _)| ((*width, 0.82 * low), format!("{width} wide"))));
+    let legend = SeriesLabelPosition::UpperLeft;
+    let words = Words { caption, x: "width of the pictures, pixels", y, legend };
+    draw(path, &words, true, &series, &labels)
+}
+
+/// PSNR of renders against the time of the search, a point for each size.
+pub fn psnr_by_time(path: &Path, points: Vec<((f64, f64), String)>) -> anyhow::Result<()> {
+    let series = Series {
+        name: "render at the pose found".into(),
+        points: points.iter().map(|(point, _)| *point).collect(),
+        line: true,
+        dots: true,
+    };
+    let words = Words {
+        caption: "PSNR of the render against the time of the search",
+        x: "milliseconds",
+        y: "dB",
+        legend: SeriesLabelPosition::LowerLeft,
+    };
+    draw(path, &words, false, &[series], &points)
+}
+
 /// PSNR against bytes, a curve per coder.
 pub fn codecs(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Result<()> {
     let series = curves.into_iter().map(|(name, mut points)| {

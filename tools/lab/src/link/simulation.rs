@@ -2,18 +2,21 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
+use std::path::Path;
 use std::sync::Arc;
 
 use nvsprior::Engine;
 use nvsprior::modem::Report;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
+use nvsprior_inputs::frame_file;
 use nvsprior_link::vehicle::{CameraFrame, SentPacket, Vehicle};
 
+use super::Setting;
 use super::channel::LoggedChannel;
+use super::footage::Footage;
 use super::report::{LinkRun, Moment};
 use super::topside::Topside;
-use super::{Footage, Setting};
 
 /// What happens at a time.
 enum Event {
@@ -79,6 +82,8 @@ pub struct Simulation<'a> {
     /// When the run ends, seconds: a vehicle without reports never has nothing to send.
     end: f64,
     moments: Vec<Moment>,
+    /// Folder for what the pilot sees.
+    pub frames_out: Option<&'a Path>,
 }
 
 impl<'a> Simulation<'a> {
@@ -89,17 +94,18 @@ impl<'a> Simulation<'a> {
         setting: Setting,
         threshold: f64,
     ) -> anyhow::Result<Simulation<'a>> {
-        let camera = &footage.camera;
+        let camera = footage.camera(0);
         Ok(Simulation {
             footage,
             vehicle: Vehicle::new(engine, scene, camera, &setting.vehicle(threshold))?,
             packets: Vec::new(),
-            topside: Topside::new(engine, scene, camera, &setting)?,
+            topside: Topside::new(engine, scene, footage.cameras(), &setting)?,
             setting,
             plan: Agenda::default(),
             next_due: f64::INFINITY,
             end: 0.0,
             moments: Vec::new(),
+            frames_out: None,
         })
     }
 
@@ -167,7 +173,10 @@ impl<'a> Simulation<'a> {
     fn expose(&mut self, frame: usize, now: f64) -> anyhow::Result<()> {
         let hint = if frame == 0 { self.footage.first.hint } else { None };
         let info = FrameInfo { hint, time: Some(now) };
-        let picture = self.footage.picture(frame);
+        let (camera, picture) = (self.footage.camera(frame), self.footage.picture(frame));
+        if self.vehicle.encoder().camera() != camera {
+            self.vehicle.encoder().set_camera(camera)?;
+        }
         let taken = CameraFrame { number: frame, exposed: now, picture, info, user: None };
         let ready = now + self.setting.coding;
         if let Some(packet) = self.vehicle.take(&taken, || ready)? {
@@ -199,8 +208,11 @@ impl<'a> Simulation<'a> {
 
     /// What the pilot sees of a camera frame.
     fn display(&mut self, frame: usize) -> anyhow::Result<()> {
-        let wanted = self.footage.picture(frame);
         let (shown, picture) = self.topside.show(frame as u32)?;
+        if let Some(folder) = self.frames_out {
+            frame_file::write_png(&folder.join(format!("{frame:04}.png")), picture)?;
+        }
+        let wanted = self.footage.as_large_as(frame, picture)?;
         let region = self.footage.region(frame).map(|region| region.psnr(picture, wanted));
         self.moments.push(Moment { frame, shown, psnr: picture.psnr(wanted), region });
         Ok(())

@@ -72,14 +72,21 @@ const STALE: f64 = 60.0;
 const FARTHEST: u32 = 32;
 
 impl Topside {
-    pub fn new(
+    /// `cameras`: those of all packets, the first one's first.
+    pub fn new<'c>(
         engine: &Engine,
         scene: &Arc<Scene>,
-        camera: &Camera,
+        cameras: impl Iterator<Item = &'c Camera>,
         setting: &Setting,
     ) -> anyhow::Result<Topside> {
         let mut decoder = Decoder::new(engine, scene);
-        decoder.add_camera(camera)?;
+        let mut size = (0, 0);
+        for camera in cameras {
+            decoder.add_camera(camera)?;
+            if size == (0, 0) {
+                size = (camera.width, camera.height);
+            }
+        }
         let options = CollectorOptions {
             shares: setting.shares,
             packets: PACKETS,
@@ -92,7 +99,7 @@ impl Topside {
             collector: Collector::new(options)?,
             decoded: Decoded::default(),
             shown: None,
-            size: (camera.width, camera.height),
+            size,
             reach: ((REACH * setting.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1),
             pictures: BTreeMap::new(),
             newest: None,

@@ -114,6 +114,7 @@ fn options(r: &mut Random, unit: f32) -> RenderOptions {
         alpha_max: one_of(r, &[0.99, 0.99, 0.999, 0.5]),
         antialiased: below(r, 3) == 0,
         background: one_of(r, &[[0.0; 3], [1.0; 3], [0.25, 0.5, 0.75]]),
+        trained_focal: None,
     }
 }
 

@@ -37,7 +37,7 @@ class Prior:
 
     def __init__(self, arrays, options, tables=None, key_frames=0):
         self.positions, self.log_scales, self.rotations, self.logits, self.sh = arrays
-        self.near, self.alpha_max, self.antialiased, self.background = options
+        self.near, self.alpha_max, self.antialiased, self.background, self.trained_focal = options
         self.tables, self.key_frames = tables, key_frames
         self._drop()
         self.id = self._identity()
@@ -61,6 +61,8 @@ class Prior:
             parts.append(array.astype("<f4").tobytes())
         if self.tables:
             parts.append(self.tables.data)
+        if self.trained_focal is not None:
+            parts.append(b"focal" + struct.pack("<f", self.trained_focal))
         return blake3(b"".join(parts))[:4]
 
     def _frame(self):
@@ -84,7 +86,7 @@ def options_of(comments):
     near, alpha_max, antialiased, background = F32(0.2), F32(0.99), False, [F32(0)] * 3
     if any("nerfstudio" in comment.lower() for comment in comments):
         near = F32(0.01)
-    key_frames = 0
+    key_frames, focal = 0, None
     for comment in comments:
         match comment.split():
             case ["nvsprior", "near", v]:
@@ -93,6 +95,8 @@ def options_of(comments):
                 alpha_max = F32(v)
             case ["nvsprior", "antialiased", "0" | "1" as v]:
                 antialiased = v == "1"
+            case ["nvsprior", "trained_focal", v]:
+                focal = F32(v)
             case ["nvsprior", "background", r, g, b]:
                 background = [F32(r), F32(g), F32(b)]
             case ["nvsprior", "key_frame", *_]:
@@ -101,7 +105,9 @@ def options_of(comments):
                 pass
             case ["nvsprior", *_]:
                 raise Refused("content")
-    return (near, alpha_max, antialiased, background), key_frames
+    if focal is not None and not 1 <= focal <= 1e6:
+        raise Refused("content")
+    return (near, alpha_max, antialiased, background, focal), key_frames
 
 
 KINDS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -160,8 +166,8 @@ def read_compact(data):
     body = data[:-4]
     if body[4] != 1:
         raise Refused("version")
-    degree, antialiased, parts, count = body[5], body[6], body[7], le(body[8:12])
-    if degree > 3 or antialiased > 1 or parts > 7 or count == 0:
+    degree, drawn, parts, count = body[5], body[6], body[7], le(body[8:12])
+    if degree > 3 or drawn > 3 or parts > 7 or count == 0:
         raise Refused("content")
     near, alpha_max, *rest = struct.unpack_from("<ffffffff", body, 16)
     background, origin = rest[:3], np.array(rest[3:], np.float64)
@@ -172,7 +178,14 @@ def read_compact(data):
     sound &= all(s >= 1e-6 and s <= (0.125 if i == 2 else 1) for i, s in enumerate(np.array(steps)))
     if not sound:
         raise Refused("content")
-    at, key_frames, tables = 76, 0, None
+    at, key_frames, tables, focal = 76, 0, None, None
+    if drawn & 2:
+        if len(body) < 80:
+            raise Refused("truncated")
+        focal = F32(struct.unpack_from("<f", body, 76)[0])
+        if not 1 <= focal <= 1e6:
+            raise Refused("content")
+        at += 4
     if parts & 4:
         at += 6
     if parts & 1:
@@ -211,7 +224,7 @@ def read_compact(data):
             sh[:, k, c] = (value.astype(np.float64) * float(F32(steps[4 if k == 0 else 5]))).astype(F32)
     arrays = (positions, np.stack([wide(i, steps[1]) for i in range(3)], 1), np.column_stack([w, xyz]).astype(F32),
               wide(6, steps[3]), sh)
-    options = (F32(near), F32(alpha_max), bool(antialiased), [F32(v) for v in background])
+    options = (F32(near), F32(alpha_max), bool(drawn & 1), [F32(v) for v in background], focal)
     prior = Prior(arrays, options, tables, key_frames)
     if prior.id != body[12:16]:
         raise Refused("identity")

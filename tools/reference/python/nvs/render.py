@@ -179,6 +179,17 @@ def frustum(side, focal, principal):
     return F32(-principal / focal - margin), F32((side - principal) / focal + margin)
 
 
+def low_pass(prior, fx):
+    """Low-pass of a picture, and the part of it that opacity does not compensate, pixels²."""
+    if prior.antialiased:
+        return F32(0.3), F32(0)
+    if prior.trained_focal is None:
+        return F32(0.3), F32(0.3)
+    pixels = min(fx / prior.trained_focal, F32(64))
+    kept = F32(0.3) * (pixels * pixels)
+    return max(F32(0.3), kept), kept
+
+
 def project(scene, camera, rotation, translation):
     """Records of splats, and which are seen."""
     prior = scene.prior
@@ -199,16 +210,17 @@ def project(scene, camera, rotation, translation):
     s = np.where(longest > F32(1e6), reciprocal(longest), F32(1))
     m0, m1 = [v * s for v in m0], [v * s for v in m1]
     a0, b, c0 = dot(m0, m0), dot(m0, m1), dot(m1, m1)
-    low = F32(0.3) * s * s
+    dilation, dilation_kept = low_pass(prior, fx)
+    low = dilation * s * s
     a, c = a0 + low, c0 + low
     n = cross(m0, m1)
     det0, tr = dot(n, n), a0 + c0
     det = det0 + low * tr + low * low
     seen &= det > F32(1e-30)
     alpha = scene.opacity
-    if prior.antialiased:
-        none = F32(0) * s * s
-        kept = det0 + none * tr + none * none
+    if dilation_kept < dilation:
+        part = dilation_kept * s * s
+        kept = det0 + part * tr + part * part
         alpha = alpha * sqrt(largest(kept * reciprocal(det), F32(2.5e-5)))
     mean = [fx * p[0] * iz + cx, fy * p[1] * iz + cy]
     seen &= (alpha >= F32(1 / 255)) & (np.abs(mean[0]) < F32(1e15)) & (np.abs(mean[1]) < F32(1e15))

@@ -31,7 +31,15 @@ fn options() {
         RenderOptions::INRIA,
         RenderOptions { antialiased: true, ..RenderOptions::GSPLAT },
         RenderOptions { background, ..RenderOptions::GSPLAT },
-        RenderOptions { background, antialiased: true, alpha_max: 0.999, near: 1.5 },
+        RenderOptions {
+            background,
+            antialiased: true,
+            alpha_max: 0.999,
+            near: 1.5,
+            trained_focal: None,
+        },
+        RenderOptions { trained_focal: Some(20.0), ..RenderOptions::INRIA },
+        RenderOptions { trained_focal: Some(150.0), ..RenderOptions::INRIA },
     ]
     .into_iter()
     .enumerate()

@@ -47,7 +47,15 @@ fn options() {
     let background = [0.1, 0.7, 0.4];
     for (seed, options) in (1..).zip([
         RenderOptions { antialiased: true, ..RenderOptions::GSPLAT },
-        RenderOptions { background, antialiased: true, alpha_max: 0.999, near: 1.5 },
+        RenderOptions {
+            background,
+            antialiased: true,
+            alpha_max: 0.999,
+            near: 1.5,
+            trained_focal: None,
+        },
+        RenderOptions { trained_focal: Some(20.0), ..RenderOptions::INRIA },
+        RenderOptions { trained_focal: Some(150.0), ..RenderOptions::INRIA },
     ]) {
         let prior = Prior::from_splats(random_splats(141, 500, 2), options).unwrap();
         assert_pictures(&prior, camera(43, 30), random_pose(141), seed);

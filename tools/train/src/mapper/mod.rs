@@ -6,6 +6,7 @@
 //! also if training is interrupted and goes on.
 
 mod exposure;
+mod frames;
 mod memory;
 mod order;
 mod poses;
@@ -16,19 +17,16 @@ mod splats;
 mod start;
 
 use glam::DVec3;
-use rayon::prelude::*;
-
 use nvsprior::prior::{PriorError, RenderOptions, Splats};
 use nvsprior::random::Random;
-use nvsprior::render::training::{
-    NoRoom, Trainer, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
-};
+use nvsprior::render::training::{NoRoom, Trainer, TrainingPlan, TrainingState, TrainingView};
 use nvsprior::vulkan::{Error as DeviceError, StageTime};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 use nvsprior_kernels::training::planes;
 
 use crate::PosedPicture;
 pub use exposure::Exposure;
+use frames::{Frames, Look};
 use memory::{Memory, Now};
 pub(crate) use order::Order;
 use poses::PoseSteps;
@@ -54,6 +52,9 @@ pub struct MapOptions {
     /// Correct the poses: see [`Mapper::poses`].
     pub correct_poses: bool,
     pub seed: u64,
+    /// The sizes that the prior is trained for, each in its turn: how much smaller than the pictures they are. 1: as
+    /// large.
+    pub reductions: Vec<u32>,
     /// Have the device time its stages.
     pub profiled: bool,
 }
@@ -68,12 +69,20 @@ impl Default for MapOptions {
             exposure: false,
             correct_poses: false,
             seed: 1,
+            reductions: vec![1],
             profiled: false,
         }
     }
 }
 
 impl MapOptions {
+    /// The same, for a prior that states the focal length of this camera, unless another is asked for: its low-pass
+    /// then fits pictures of all sizes.
+    pub fn stating_focal(self, camera: &Camera) -> MapOptions {
+        let trained_focal = self.render.trained_focal.or(Some(camera.fx));
+        MapOptions { render: RenderOptions { trained_focal, ..self.render }, ..self }
+    }
+
     /// What the device trains, on pictures of this size. Positions are relative to `centre`.
     pub fn plan(&self, size: [u32; 2], centre: DVec3) -> TrainingPlan {
         TrainingPlan {
@@ -135,9 +144,8 @@ pub struct Mapper {
     /// Their poses, as far as they are corrected.
     poses: Vec<Pose>,
     exposures: Vec<Exposure>,
-    /// The pictures without it, reduced by `factor`.
-    frames: Vec<TrainingFrame>,
-    factor: u32,
+    /// The pictures without it.
+    frames: Frames,
     /// Which picture's turn it is: all in turn, in an order that is another one in each round.
     order: Order,
     options: MapOptions,
@@ -222,8 +230,10 @@ impl Mapper {
             trainer,
             poses: views.iter().map(|view| view.pose).collect(),
             exposures,
-            frames: Vec::new(),
-            factor: options.schedule.factor(0.0, [camera.width, camera.height]),
+            frames: Frames::new(
+                &options.reductions,
+                options.schedule.factor(0.0, [camera.width, camera.height]),
+            ),
             order: Order::new(options.seed, views.len()),
             views,
             options: options.clone(),
@@ -247,15 +257,15 @@ impl Mapper {
         let turn = self.order.picture(round, place);
         let camera = self.views[turn].camera;
         let factor = self.options.schedule.factor(share, [camera.width, camera.height]);
-        if factor != self.factor {
-            self.factor = factor;
+        if self.frames.reduce(factor) {
             self.undo_exposures();
         }
-        let (camera, pose) = (&camera.reduced(factor), &self.poses[turn]);
+        let Look { frame, reduction, low_pass } = self.frames.of(turn, round);
+        let (camera, pose) = (&camera.reduced(reduction), &self.poses[turn]);
         let progress = Progress { step: self.step, share, alive: self.alive };
         let scene = (self.extent, camera.pixels());
         let training = self.options.schedule.at(&progress, self.options.sh_degree, scene);
-        let view = TrainingView { camera, pose, frame: &self.frames[turn], factor };
+        let view = TrainingView { camera, pose, frame, factor: low_pass };
         self.trainer.step(&view, &training)?;
         self.step += 1;
         if self.options.schedule.relocates_after(self.step, share) {
@@ -303,13 +313,7 @@ impl Mapper {
     }
 
     fn undo_exposures(&mut self) {
-        let all = self.views.par_iter().zip(&self.exposures);
-        let factor = self.factor as usize;
-        let frame = |(view, exposure): (&PosedPicture, &Exposure)| match factor {
-            1 => exposure.undone(view),
-            _ => exposure.undone(view).reduced(view.camera.width as usize, factor),
-        };
-        self.frames = all.map(frame).collect();
+        self.frames.set(&self.views, &self.exposures);
     }
 
     /// Moves splats that show nothing to where others show much, and adds some.
@@ -438,6 +442,22 @@ fn check(views: &[PosedPicture], options: &MapOptions) -> Result<(), MapError> {
         if !allowed.contains(&value) {
             return Err(MapError::Option { name, value, range });
         }
+    }
+    check_reductions(options, &first.camera)
+}
+
+/// SSIM needs a window of pixels at each size.
+const LEAST_SIDE: u32 = 11;
+
+fn check_reductions(options: &MapOptions, camera: &Camera) -> Result<(), MapError> {
+    let (name, most) = ("reductions", camera.width.min(camera.height) / LEAST_SIDE);
+    let value = f64::from(options.reductions.iter().copied().max().unwrap_or(0));
+    let range = "at least one; sides at least 11 pixels";
+    if options.reductions.is_empty() {
+        return Err(MapError::Option { name, value, range });
+    }
+    if options.reductions.iter().any(|by| *by == 0 || (*by > 1 && *by > most)) {
+        return Err(MapError::Option { name, value, range });
     }
     Ok(())
 }
