@@ -11,7 +11,9 @@ mod encode;
 mod filter;
 mod inspect;
 mod join;
+mod key;
 mod key_frames;
+mod keyed_files;
 mod map;
 mod mapping_run;
 mod merge;
@@ -59,6 +61,7 @@ enum Command {
     Decode(decode::Args),
     Split(split::Args),
     Join(join::Args),
+    Key(key::Args),
     Link(link::Args),
     Vehicle(vehicle::Args),
     Channel(channel::Args),
@@ -88,6 +91,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Split(args) => split::run(&args),
         Command::Join(args) => join::run(&args),
+        Command::Key(args) => key::run(&args),
         Command::Link(args) => link::run(&args),
         Command::Vehicle(args) => vehicle::run(&args),
         Command::Channel(args) => channel::run(&args),

@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use nvsprior::learning::LearnOptions;
+use nvsprior::prior::Update;
 use nvsprior::prior::update::DIVE_FILE;
-use nvsprior::prior::{Update, replace_file};
 use nvsprior::render::Scene;
 use nvsprior::{Encoder, Engine};
 use nvsprior_inputs::args::PriorArgs;
 use nvsprior_inputs::input::Input;
 
+use crate::keyed_files::FileWriter;
 use crate::updates::DiveFile;
 
 /// Whether to learn, and how.
@@ -86,12 +87,13 @@ impl LearnArgs {
 pub fn learn_more(
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
+    writer: &mut FileWriter,
     packet: &Path,
 ) -> anyhow::Result<usize> {
     let Some(dive_file) = dive_file else { return Ok(0) };
     encoder.learn_more(1.0)?;
     let Some(update) = encoder.take_update() else { return Ok(0) };
-    replace_file(&packet.with_extension("nvsu"), &update)?;
+    writer.write(&packet.with_extension("nvsu"), &update)?;
     dive_file.add(Update::read(&update)?)?;
     if let Some(number) = encoder.waiting_update() {
         encoder.adopt(number);

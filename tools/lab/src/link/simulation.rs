@@ -5,7 +5,6 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 
 use nvsprior::Engine;
-use nvsprior::modem::Report;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
 use nvsprior_link::vehicle::{CameraFrame, SentPacket, Vehicle};
@@ -92,7 +91,13 @@ impl<'a> Simulation<'a> {
         let camera = &footage.camera;
         Ok(Simulation {
             footage,
-            vehicle: Vehicle::new(engine, scene, camera, &setting.vehicle(threshold))?,
+            vehicle: Vehicle::new(
+                engine,
+                scene,
+                camera,
+                &setting.vehicle(threshold),
+                setting.keys.as_ref(),
+            )?,
             packets: Vec::new(),
             topside: Topside::new(engine, scene, camera, &setting)?,
             setting,
@@ -136,7 +141,7 @@ impl<'a> Simulation<'a> {
                 Event::Arrived(share) => self.topside.take(time, &share)?,
                 Event::Report => self.report(time, &mut channel)?,
                 Event::Reported(report) => {
-                    let (report, _) = Report::read(&report)?;
+                    let (report, _) = self.vehicle.read_report(&report)?;
                     self.vehicle.process_report(time, &report)?;
                     self.plan_due(time);
                 }
