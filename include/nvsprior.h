@@ -1753,13 +1753,13 @@ typedef struct nvsp_keys {
   uint32_t tag_bytes;
   // Both sides need the same, and nothing of another epoch passes: count the dives, for example.
   uint64_t epoch;
-  // Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on with
-  // nvsp_sender_statistics.next_number, nvsp_collector_statistics.next_number: numbers that the other side has taken
-  // are refused.
+  // Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
+  // with nvsp_sender_statistics.next_number, nvsp_collector_statistics.next_number: numbers that the other side has
+  // taken are refused.
   uint64_t number;
-  // Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an epoch
-  // gives what nvsp_collector_statistics.taken, nvsp_sender_statistics.taken told. Without it, what came before may
-  // pass once more until something newer has come. 0: none.
+  // Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
+  // epoch gives what nvsp_collector_statistics.taken, nvsp_sender_statistics.taken told. Without it, what came
+  // before may pass once more until something newer has come. 0: none.
   uint64_t taken[4];
 } nvsp_keys;
 
@@ -1865,8 +1865,8 @@ typedef struct nvsp_processed_report {
 // NVSP_ERR_MEMORY.
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31; with keys by what they take more. Both
-//   sides need the same.
+// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31; with keys from as many more as they
+//   take. Both sides need the same.
 // - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 // - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
 NVSP_CHECKED

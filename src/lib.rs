@@ -23,9 +23,9 @@
 //! ```
 //!
 //! The rooms from low to high; each knows only those before it: [`random`], [`geometry`], [`keys`], `queue` and
-//! `range_coder`; [`image`]; [`vulkan`]; [`coder_tables`] and [`filter_weights`]; [`prior`]; [`render`]; [`packet`]; [`residual`];
-//! `error`; [`tracking`]; `engine` and [`modem`]; `learning`; `encoder` and `decoder`; `pipeline`; [`capi`].
-//! `scripts/arrows.py` checks it.
+//! `range_coder`; [`image`]; [`vulkan`]; [`coder_tables`] and [`filter_weights`]; [`prior`]; [`render`]; [`packet`];
+//! [`residual`]; `error`; [`tracking`]; `engine` and [`modem`]; `learning`; `encoder` and `decoder`; `pipeline`;
+//! [`capi`]. `scripts/arrows.py` checks it.
 
 #![deny(unsafe_code)]
 

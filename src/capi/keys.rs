@@ -40,13 +40,13 @@ pub struct nvsp_keys {
     pub tag_bytes: u32,
     /// Both sides need the same, and nothing of another epoch passes: count the dives, for example.
     pub epoch: u64,
-    /// Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on with
-    /// nvsp_sender_statistics.next_number, nvsp_collector_statistics.next_number: numbers that the other side has taken
-    /// are refused.
+    /// Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
+    /// with nvsp_sender_statistics.next_number, nvsp_collector_statistics.next_number: numbers that the other side has
+    /// taken are refused.
     pub number: u64,
-    /// Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an epoch
-    /// gives what nvsp_collector_statistics.taken, nvsp_sender_statistics.taken told. Without it, what came before may
-    /// pass once more until something newer has come. 0: none.
+    /// Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
+    /// epoch gives what nvsp_collector_statistics.taken, nvsp_sender_statistics.taken told. Without it, what came
+    /// before may pass once more until something newer has come. 0: none.
     pub taken: [u64; 4],
 }
 versioned!(nvsp_keys, 72);
