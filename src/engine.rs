@@ -3,11 +3,14 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prior::analysis::PriorAnalysis;
+use crate::prior::blocked::BlockedPrior;
 use crate::render::arithmetic;
 use crate::render::probe::Probe;
 #[cfg(feature = "training")]
 use crate::render::training::{Trainer, TrainingPlan};
-use crate::render::{Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels};
+use crate::render::{
+    Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, SpawnReader, WindowRoom,
+};
 use crate::vulkan::{Device, DeviceInfo, DeviceOptions, Error, MemoryUse};
 use crate::{Camera, Prior};
 
@@ -67,6 +70,24 @@ impl Engine {
     /// updates of those that draw it. So let the encoders and decoders that share it work in turn, not at once.
     pub fn upload_for_updates(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
         self.upload_analysed(prior, PriorAnalysis::of(prior), true)
+    }
+
+    /// Makes a scene of a blocked prior, whose splats come and go by what cameras see. They take at most `limit` bytes
+    /// of host and device memory together, with what one renderer of them takes by splats. `reader` starts the thread
+    /// that reads blocks ahead. Pictures have the same bytes as those of the whole prior.
+    ///
+    /// A picture that shows more splats than there is room for fails with [`Error::TooManySplats`]. Renderers of one
+    /// prior work in turn. A blocked prior takes no updates.
+    pub fn open_blocked(
+        &self,
+        blocked: &Arc<BlockedPrior>,
+        limit: u64,
+        reader: SpawnReader,
+    ) -> Result<Arc<Scene>, Error> {
+        let key = PipelineKey { sh_degree: blocked.sh_degree(), clamped: blocked.clamps_alpha() };
+        let room = WindowRoom::within(blocked, limit, self.device.info().storage_range);
+        let kernels = self.scene_kernels(&key)?;
+        Ok(Arc::new(Scene::of_blocked(&self.device, blocked, kernels, &room, reader)?))
     }
 
     fn upload_analysed(

@@ -41,7 +41,7 @@ pub enum QueueError {
 pub(crate) type Worker<S, E> = Box<dyn FnMut(&mut S) -> Result<(), E> + Send>;
 
 /// What a thread of the queue does. It does not unwind.
-pub(crate) type Body = Box<dyn FnOnce() + Send>;
+pub type Body = Box<dyn FnOnce() + Send>;
 
 /// Starts the thread of the worker of a number. What it returns waits for the thread's end when dropped.
 pub(crate) type Spawn<E> = Box<dyn FnMut(usize, Body) -> Result<Box<dyn Send>, E> + Send>;

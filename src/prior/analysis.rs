@@ -3,13 +3,14 @@
 
 use std::fmt;
 
-use super::{Prior, Splats};
+use super::{Prior, RenderOptions, Splats};
 use crate::shared::{self, ALPHA_MIN, GEOMETRY_PLANES};
 
 /// What pictures of a prior need.
 #[derive(Clone, Debug)]
 pub struct PriorAnalysis {
-    /// Splats that some picture may show, by index, in order; at least one.
+    /// Splats that some picture may show, by index, in order; at least one. Empty for a blocked prior, which has none
+    /// but such.
     pub splats: Vec<u32>,
     /// Degree of the spherical harmonics beyond which all coefficients are zero.
     pub sh_degree: u32,
@@ -70,7 +71,7 @@ impl PriorAnalysis {
             // A renderer has one splat at least; this one shows nothing.
             shown.push(0);
         }
-        let sh_degree = sh_degree(splats);
+        let sh_degree = splats.needed_sh_degree();
         // Rounding may raise an alpha a little above its splat's opacity.
         let clamped = options.alpha_max * (1.0 - 1e-5);
         let mut analysis = PriorAnalysis {
@@ -97,6 +98,20 @@ impl PriorAnalysis {
             background: true,
             antialiased: prior.options().antialiased,
             key_bits: u32::BITS,
+            findings: Vec::new(),
+        }
+    }
+
+    /// What pictures of a blocked prior need, by its head.
+    pub fn of_head(options: &RenderOptions, sh_degree: u32, clamps_alpha: bool) -> PriorAnalysis {
+        PriorAnalysis {
+            splats: Vec::new(),
+            sh_degree,
+            clamps_alpha,
+            clamps_colour: true,
+            background: options.background != [0.0; 3],
+            antialiased: options.antialiased,
+            key_bits: key_bits(options.near, f32::MAX),
             findings: Vec::new(),
         }
     }
@@ -162,20 +177,6 @@ pub fn key_bits(near: f32, depth: f32) -> u32 {
 /// Device memory of a splat, bytes.
 pub fn splat_bytes(sh_degree: u32) -> u64 {
     8 * u64::from(GEOMETRY_PLANES + shared::sh_planes(sh_degree))
-}
-
-/// The lowest degree beyond which all coefficients are zero.
-fn sh_degree(splats: &Splats) -> u32 {
-    let coefficients = (splats.sh_degree as usize + 1).pow(2);
-    let mut last = 0;
-    for own in splats.sh.chunks_exact(3 * coefficients) {
-        // Only coefficients after the last one found so far are looked at.
-        let behind = own[3 * (last + 1)..].chunks_exact(3);
-        if let Some(at) = behind.rev().position(|rgb| rgb.iter().any(|v| *v != 0.0)) {
-            last = coefficients - 1 - at;
-        }
-    }
-    last.isqrt() as u32
 }
 
 /// The most that a band changes any channel of a splat's colour, in any direction. A sum over the band's harmonics is

@@ -1,5 +1,7 @@
 //! The frame in which packets state camera positions.
 
+use glam::DVec3;
+
 /// Steps of the compact centre per unit of the prior's frame.
 const STEPS_PER_UNIT: f64 = 131_072.0;
 
@@ -27,6 +29,15 @@ impl CoordinateFrame {
     /// Step of a camera's centre in a compact packet, the prior's own unit of length.
     pub fn step(&self) -> f64 {
         self.unit() / STEPS_PER_UNIT
+    }
+
+    /// The distance from the centre that no position exceeds, the prior's unit. Rounding to f32 does not change that.
+    pub(crate) fn radius_of<'a>(&self, positions: impl IntoIterator<Item = &'a [f32; 3]>) -> f32 {
+        let centre = DVec3::from(self.centre.map(f64::from));
+        let distance = |p: &[f32; 3]| DVec3::from(p.map(f64::from)).distance(centre);
+        let farthest = positions.into_iter().map(distance).fold(0.0, f64::max);
+        // Both roundings to f32 are far below this.
+        (farthest * (1.0 + 1e-6)) as f32
     }
 
     /// The frame of finite `positions`, of which there is at least one.

@@ -63,6 +63,10 @@ pub enum PriorError {
     OutOfSteps { splat: usize, column: &'static str, value: f32, step: f32 },
     #[error("quantisation of {name} in steps of {step}: at least 1e-6, at most {max}")]
     Step { name: &'static str, step: f32, max: f32 },
+    #[error("block {block}: {error}")]
+    InBlock { block: usize, error: Box<PriorError> },
+    #[error("blocks of {size} splats: at least 1, at most {most}")]
+    BlockSize { size: usize, most: usize },
     #[error("key frame {index}: {reason}")]
     KeyFrame { index: usize, reason: &'static str },
     #[error("{count} key frames: at most {}; thin them out by a greater distance", MAX_KEY_FRAMES)]

@@ -8,12 +8,15 @@ use super::error::PriorError;
 use super::file_content::PriorFile;
 #[cfg(feature = "formats")]
 use super::spz;
-use super::{compact, ply};
+use super::{blocked, compact, ply};
 
 /// Reads a file's content. The first bytes tell the format.
 pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if bytes.starts_with(compact::MAGIC) {
         return compact::read(bytes);
+    }
+    if bytes.starts_with(&blocked::MAGIC) {
+        return blocked::read(bytes);
     }
     #[cfg(feature = "formats")]
     if spz::MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
@@ -24,7 +27,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
 
 /// Whether files of a known format start so.
 fn is_known(start: &[u8]) -> bool {
-    let known = start.starts_with(ply::MAGIC) || start.starts_with(compact::MAGIC);
+    let known = [ply::MAGIC, compact::MAGIC, &blocked::MAGIC];
+    let known = known.iter().any(|magic| start.starts_with(magic));
     #[cfg(feature = "formats")]
     let known = known || spz::MAGICS.iter().any(|magic| start.starts_with(magic));
     known

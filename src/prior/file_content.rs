@@ -1,5 +1,6 @@
 //! What a prior's file holds.
 
+use super::coordinate_frame::CoordinateFrame;
 use super::key_frames::KeyFrames;
 use super::options::RenderOptions;
 use super::report::PriorFormat;
@@ -24,4 +25,6 @@ pub struct PriorFile {
     pub coder_tables: Option<Tables>,
     /// How the pictures that it was trained on were treated; if it does not say so, not at all.
     pub preprocessing: Preprocessing,
+    /// The coordinate frame that it states; `None`: it is that of the splats' positions.
+    pub frame: Option<CoordinateFrame>,
 }

@@ -1,15 +1,18 @@
 //! The identity of a prior: a hash of all that shapes its pictures.
 
+use super::coordinate_frame::CoordinateFrame;
 use super::id::PriorId;
 use super::options::RenderOptions;
 use super::splats::Splats;
 use crate::coder_tables::Tables;
 
-/// The identity of a prior of these splats.
+/// The identity of a prior of these splats. `stated_frame`: the coordinate frame, if the prior does not take that of its
+/// splats.
 pub(super) fn identity_of(
     splats: &Splats,
     options: &RenderOptions,
     coder_tables: Option<&Tables>,
+    stated_frame: Option<&CoordinateFrame>,
 ) -> PriorId {
     let mut hasher = blake3::Hasher::new();
     hasher.update(b"nvsprior prior 1");
@@ -26,6 +29,12 @@ pub(super) fn identity_of(
     // Without tables nothing is added: such priors keep the identity that they had before tables existed.
     if let Some(tables) = coder_tables {
         hasher.update(&tables.write());
+    }
+    // Nor is anything added for the frame that follows from the splats.
+    if let Some(CoordinateFrame { centre, spread }) = stated_frame {
+        hasher.update(b"frame");
+        hash_floats(&mut hasher, centre);
+        hash_floats(&mut hasher, &[*spread]);
     }
     let hash = *hasher.finalize().as_bytes();
     PriorId::from_bytes([hash[0], hash[1], hash[2], hash[3]])
@@ -49,7 +58,7 @@ mod tests {
 
     #[test]
     fn the_hash_is_part_of_the_wire_format() {
-        let id = identity_of(&sample_splats(5, 1), &RenderOptions::INRIA, None);
+        let id = identity_of(&sample_splats(5, 1), &RenderOptions::INRIA, None, None);
         assert_eq!(id.to_string(), "5d4dcd04");
         assert_eq!(PriorId::from_bytes(id.to_bytes()), id);
     }
@@ -57,11 +66,11 @@ mod tests {
     #[test]
     fn every_parameter_counts() {
         let splats = sample_splats(5, 1);
-        let id = identity_of(&splats, &RenderOptions::INRIA, None);
+        let id = identity_of(&splats, &RenderOptions::INRIA, None, None);
         let changed = |change: fn(&mut Splats)| {
             let mut other = splats.clone();
             change(&mut other);
-            identity_of(&other, &RenderOptions::INRIA, None)
+            identity_of(&other, &RenderOptions::INRIA, None, None)
         };
         assert_ne!(changed(|s| s.positions[4][2] += 1e-3), id);
         assert_ne!(changed(|s| s.log_scales[0][0] += 1e-3), id);
@@ -69,15 +78,24 @@ mod tests {
         assert_ne!(changed(|s| s.opacity_logits[2] += 1e-3), id);
         assert_ne!(changed(|s| s.sh[59] += 1e-3), id);
         assert_ne!(changed(|s| s.positions.swap(0, 1)), id);
-        assert_ne!(identity_of(&splats, &RenderOptions::GSPLAT, None), id);
+        assert_ne!(identity_of(&splats, &RenderOptions::GSPLAT, None, None), id);
         let antialiased = RenderOptions { antialiased: true, ..RenderOptions::INRIA };
-        assert_ne!(identity_of(&splats, &antialiased, None), id);
+        assert_ne!(identity_of(&splats, &antialiased, None, None), id);
+    }
+
+    #[test]
+    fn a_stated_frame_counts() {
+        let of = |frame| identity_of(&sample_splats(5, 1), &RenderOptions::INRIA, None, frame);
+        let frame = CoordinateFrame { centre: [1.0, 2.0, 3.0], spread: 4.0 };
+        assert_ne!(of(Some(&frame)), of(None));
+        assert_ne!(of(Some(&CoordinateFrame { spread: 5.0, ..frame })), of(Some(&frame)));
     }
 
     #[test]
     fn every_byte_of_the_coder_tables_counts() {
         let (splats, tables) = (sample_splats(5, 1), sample_tables(1));
-        let of = |tables: Option<&Tables>| identity_of(&splats, &RenderOptions::INRIA, tables);
+        let of =
+            |tables: Option<&Tables>| identity_of(&splats, &RenderOptions::INRIA, tables, None);
         let id = of(Some(&tables));
         assert_eq!(of(Some(&tables.clone())), id);
         assert_ne!(of(None), id);

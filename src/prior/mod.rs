@@ -2,6 +2,7 @@
 
 pub mod analysis;
 mod beside;
+pub mod blocked;
 mod check;
 mod claims;
 pub mod compact;

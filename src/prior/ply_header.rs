@@ -114,8 +114,16 @@ impl Comments {
     /// The file of these comments and splats.
     pub fn file(self, splats: Splats, format: PriorFormat) -> PriorFile {
         let Comments { options, preprocessing, key_frames, others: comments } = self;
-        let coder_tables = None;
-        PriorFile { splats, options, format, comments, key_frames, coder_tables, preprocessing }
+        PriorFile {
+            splats,
+            options,
+            format,
+            comments,
+            key_frames,
+            coder_tables: None,
+            preprocessing,
+            frame: None,
+        }
     }
 }
 

@@ -29,6 +29,8 @@ pub struct Prior {
     options: RenderOptions,
     id: PriorId,
     frame: CoordinateFrame,
+    /// Its file states the frame.
+    frame_is_stated: bool,
     key_frames: KeyFrames,
     coder_tables: Option<Arc<Tables>>,
     filter_weights: Option<Arc<FilterWeights>>,
@@ -95,6 +97,7 @@ impl Prior {
             key_frames: KeyFrames::NONE,
             coder_tables: None,
             preprocessing: Preprocessing::NONE,
+            frame: None,
         })
     }
 
@@ -107,6 +110,7 @@ impl Prior {
             key_frames,
             coder_tables,
             preprocessing,
+            frame: stated_frame,
         } = file;
         options.check()?;
         splats.check_shape()?;
@@ -133,14 +137,15 @@ impl Prior {
             key_frames: PartSource::in_file(!key_frames.is_empty()),
             coder_tables: PartSource::in_file(coder_tables.is_some()),
         };
-        let id = identity_of(&splats, &options, coder_tables.as_ref());
-        let frame = CoordinateFrame::of(&splats.positions);
+        let id = identity_of(&splats, &options, coder_tables.as_ref(), stated_frame.as_ref());
+        let frame = stated_frame.unwrap_or_else(|| CoordinateFrame::of(&splats.positions));
         let coder_tables = coder_tables.map(Arc::new);
         Ok(Prior {
             splats,
             options,
             id,
             frame,
+            frame_is_stated: stated_frame.is_some(),
             key_frames,
             coder_tables,
             filter_weights: None,
@@ -179,7 +184,8 @@ impl Prior {
     }
 
     fn set_coder_tables(&mut self, tables: Option<Tables>, source: PartSource) {
-        self.id = identity_of(&self.splats, &self.options, tables.as_ref());
+        let stated_frame = self.frame_is_stated.then_some(&self.frame);
+        self.id = identity_of(&self.splats, &self.options, tables.as_ref(), stated_frame);
         self.report.coder_tables = if tables.is_some() { source } else { PartSource::None };
         self.coder_tables = tables.map(Arc::new);
     }

@@ -18,6 +18,8 @@ pub enum PriorFormat {
     PlyBigEndian,
     /// A compact prior.
     Compact,
+    /// A prior in blocks.
+    Blocked,
     /// A PLY file packed by PlayCanvas's tools.
     #[cfg(feature = "formats")]
     PlyCompressed,
@@ -34,6 +36,7 @@ impl fmt::Display for PriorFormat {
             PriorFormat::PlyLittleEndian => "PLY, binary little endian",
             PriorFormat::PlyBigEndian => "PLY, binary big endian",
             PriorFormat::Compact => "compact prior",
+            PriorFormat::Blocked => "blocked prior",
             #[cfg(feature = "formats")]
             PriorFormat::PlyCompressed => "PLY, compressed",
             #[cfg(feature = "formats")]

@@ -80,12 +80,54 @@ impl Splats {
         }
     }
 
+    /// The splats that `which` names, in that order, without the spherical harmonics above a degree.
+    pub(super) fn picked(&self, which: &[u32], degree: u32) -> Splats {
+        let sh_degree = degree.min(self.sh_degree);
+        let mut splats = Splats::with_capacity(which.len(), sh_degree);
+        let own = splats.sh_stride();
+        for index in which.iter().map(|index| *index as usize) {
+            splats.positions.push(self.positions[index]);
+            splats.log_scales.push(self.log_scales[index]);
+            splats.rotations.push(self.rotations[index]);
+            splats.opacity_logits.push(self.opacity_logits[index]);
+            splats.sh.extend_from_slice(&self.sh[index * self.sh_stride()..][..own]);
+        }
+        splats
+    }
+
+    /// Moves other splats behind these.
+    ///
+    /// # Panics
+    /// If they have another degree.
+    pub fn append(&mut self, other: &mut Splats) {
+        assert_eq!(self.sh_degree, other.sh_degree, "degree");
+        self.positions.append(&mut other.positions);
+        self.log_scales.append(&mut other.log_scales);
+        self.rotations.append(&mut other.rotations);
+        self.opacity_logits.append(&mut other.opacity_logits);
+        self.sh.append(&mut other.sh);
+    }
+
     /// The splats without the spherical harmonics above a degree.
     pub fn with_sh_degree(&self, degree: u32) -> Splats {
         let sh_degree = degree.min(self.sh_degree);
         let own = 3 * (sh_degree as usize + 1).pow(2);
         let sh = self.sh.chunks_exact(self.sh_stride()).flat_map(|c| &c[..own]).copied().collect();
         Splats { sh, sh_degree, ..self.clone() }
+    }
+
+    /// The lowest degree beyond which all coefficients are zero.
+    pub(super) fn needed_sh_degree(&self) -> u32 {
+        let coefficients = (self.sh_degree as usize + 1).pow(2);
+        let mut last = 0;
+        for own in self.sh.chunks_exact(3 * coefficients) {
+            // Only coefficients after the last one found so far are looked at.
+            let behind = own[3 * (last + 1)..].chunks_exact(3);
+            if let Some(at) = behind.rev().position(|rgb| rgb.iter().any(|v| *v != 0.0)) {
+                last = coefficients - 1 - at;
+            }
+        }
+        last.isqrt() as u32
     }
 
     /// Checks that the degree is known and that all arrays hold the same number of splats.

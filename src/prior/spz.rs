@@ -64,6 +64,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         key_frames: KeyFrames::NONE,
         coder_tables: None,
         preprocessing: Preprocessing::NONE,
+        frame: None,
     })
 }
 

@@ -3,6 +3,7 @@
 
 pub(crate) mod arithmetic;
 mod binning;
+mod block_cache;
 pub mod definition;
 pub mod filter;
 mod frame;
@@ -17,14 +18,17 @@ pub mod probe;
 mod radix;
 mod renderer;
 mod scene;
+mod sight;
 mod splat_buffers;
 mod stages;
 #[cfg(test)]
 mod tests;
 #[cfg(feature = "training")]
 pub mod training;
+mod window;
 mod workspace;
 
+pub use block_cache::{SpawnReader, reader_thread};
 pub use frame::to_byte;
 pub use jacobian::Jacobian;
 pub use kernels::{FilterKernels, Kernels, PipelineKey, SceneKernels};
@@ -35,3 +39,5 @@ pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::SortPrecision;
 pub use renderer::{Job, Plan, Renderer, SearchCommands, Searched};
 pub use scene::Scene;
+pub use window::Residency;
+pub(crate) use window::WindowRoom;

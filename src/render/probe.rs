@@ -78,8 +78,7 @@ impl Probe<'_> {
         let histogram = own("digit histogram", table.words() as usize)?;
         let sort = Sort {
             sort_precision,
-            count,
-            counted: false,
+            count: Some(count),
             log_blocks,
             pass: Pass::Evaluation,
             groups: &Buffer::from_slice(device, "workgroups", &[groups])?,

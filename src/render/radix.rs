@@ -35,12 +35,12 @@ pub(crate) fn histogram(log_blocks: u32) -> BlockTable {
     BlockTable::new(TABLE, log_blocks, 0, DIGITS)
 }
 
-/// A sort of `count` keys. Culled keys are left out of the order.
+/// A sort of keys. Culled keys are left out of the order.
 pub(crate) struct Sort<'a> {
     pub sort_precision: SortPrecision,
-    pub count: u32,
-    /// Whether the keys' first digits are counted already, by stage `project`.
-    pub counted: bool,
+    /// How many keys; `None`: one for each splat that stage `project` projected. It has counted their first digits,
+    /// too.
+    pub count: Option<u32>,
     /// Logarithm of the number of workgroups that share them.
     pub log_blocks: u32,
     /// Which of `groups` say whether it is run.
@@ -67,8 +67,8 @@ impl Sort<'_> {
         for digit in first..DIGITS {
             let [keys_out, values_out] = &between[digit as usize % 2];
             let values_out = if digit + 1 < DIGITS { values_out } else { order };
-            let constants = [digit, (digit == first).into(), log_blocks, count];
-            if digit > first || !self.counted {
+            let constants = [digit, (digit == first).into(), log_blocks, count.unwrap_or(0)];
+            if digit > first || count.is_some() {
                 let buffers = [counters, keys, histogram];
                 r.dispatch_indirect(&kernels.radix_count, &buffers, &constants, groups, blocks)?;
             }

@@ -1,11 +1,12 @@
 //! The recorded chains of stages, and how the host has them run.
 
-use std::sync::Arc;
+use std::sync::{Arc, MutexGuard};
 
 use bytemuck::Zeroable;
 
 use crate::image::Mask;
-use crate::search::{self, Placement, PoseCode, Program, Search};
+use crate::prior::blocked::Block;
+use crate::search::{self, LEVELS, Placement, PoseCode, Program, STARTS, Search};
 use crate::shared::{self, CELL, Counters, PIXEL, TILE};
 use crate::vulkan::{CommandCounts, Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
@@ -13,11 +14,13 @@ use crate::{Camera, Picture, Pose};
 use super::binning::{self, Binning};
 use super::frame::{Bytes, Coded, FrameBuffers};
 use super::jacobian::Jacobian;
-use super::levels::{LevelBuffers, NormalEquations, Pass, anchor};
+use super::levels::{LevelBuffers, NormalEquations, Pass, anchor, pose_of};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
+use super::sight::{Reach, Sight};
 use super::splat_buffers::Held;
 use super::stages::{CameraPose, Channels, PictureEnds, SearchStages, Stages, TIMED_EVALUATIONS};
+use super::window::{Content, Window};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
 
@@ -118,6 +121,8 @@ pub struct Renderer {
     recorded: Vec<(Job, Commands)>,
     renders: Vec<u32>,
     times: Vec<f64>,
+    /// Where the last picture of a blocked prior was drawn.
+    drawn_at: Option<Pose>,
     /// Of the last search, over its submissions, if the plan is profiled.
     search_stages: Vec<StageTime>,
 }
@@ -131,6 +136,11 @@ fn room_for(pairs: u32, storage_range: u64) -> u32 {
 
 /// A pixel that shows less than this share of light has no depth to speak of.
 const LEAST_SHOWN: f32 = 1e-3;
+
+/// Searches on a blocked prior after which one that still lacks blocks is taken as it is.
+const MOST_SEARCHES: usize = 4;
+/// Frames ahead for which blocks of a blocked prior are read.
+const AHEAD: [f64; 3] = [0.0, 5.0, 15.0];
 
 /// Submissions after which a search is given up. The search's own limits let none need as many.
 const MOST_SUBMISSIONS: u32 = 160;
@@ -158,6 +168,7 @@ impl Renderer {
             frame: framed.then(|| FrameBuffers::new(device, &levels)).transpose()?,
             renders: vec![0; levels.sizes.len()],
             times: Vec::with_capacity(TIMED_EVALUATIONS),
+            drawn_at: None,
             search_stages: Vec::new(),
             recorded: Vec::new(),
             held,
@@ -244,15 +255,37 @@ impl Renderer {
     /// Runs a job of a level. If the picture needs more pairs than there is room for, makes room
     /// and runs again, so that a result is always complete.
     fn run(&mut self, level: usize, job: Job, pose: &Pose) -> Result<(), Error> {
+        let scene = self.scene.clone();
+        let _seen = self.see(&scene, level, pose)?;
         self.follow_scene();
         loop {
             self.levels.ask(&self.scene, level, self.work.pair_capacity, pose);
             self.submit(job)?;
-            self.renders[level] += 1;
             if !self.grow(0)? {
+                self.renders[level] += 1;
                 return Ok(());
             }
         }
+    }
+
+    /// Brings what a level shows at a pose to the device, and keeps it there as long as the guard is held. Only a
+    /// blocked prior needs that.
+    fn see<'a>(
+        &self,
+        scene: &'a Scene,
+        level: usize,
+        pose: &Pose,
+    ) -> Result<Option<MutexGuard<'a, Content>>, Error> {
+        let Some(window) = scene.window() else { return Ok(None) };
+        let near = scene.splats.options.near;
+        let sight = |reach| Sight::new([*self.camera(level)].into_iter(), near, pose, reach);
+        let (needed, wanted) = (sight(Reach::NONE), sight(window.wanted()));
+        let seen = window.see(
+            &scene.splats,
+            |block| needed.may_show(block),
+            |block| wanted.may_show(block),
+        );
+        seen.map(Some)
     }
 
     /// Draws as many splats as the scene holds.
@@ -375,7 +408,24 @@ impl Renderer {
 
     fn run_coded(&mut self, code: &PoseCode, job: Job) -> Result<(), Error> {
         self.bytes.coded_asked.write(&[Coded { anchor: anchor(&self.scene), code: *code }]);
-        self.run(0, job, &Pose::IDENTITY)
+        let pose = pose_of(&self.scene, &self.placed(code));
+        self.run(0, job, &pose)?;
+        self.read_ahead(&pose);
+        Ok(())
+    }
+
+    /// Has a blocked prior's blocks read that the frames to come may show, after one at a pose.
+    fn read_ahead(&mut self, pose: &Pose) {
+        let scene = self.scene.clone();
+        let Some(window) = scene.window() else { return };
+        let motion = self.drawn_at.replace(*pose).map(|before| pose.after(&before.inverse()).log());
+        let camera = *self.camera(0);
+        let ahead = |frames: f64| {
+            let moved = motion.map_or(*pose, |motion| pose.stepped(&motion.map(|v| frames * v)));
+            let reach = window.wanted().times(1.5);
+            Sight::new([camera].into_iter(), scene.splats.options.near, &moved, reach)
+        };
+        window.expect(&AHEAD.map(ahead));
     }
 
     /// Mean depth of what each pixel of the picture drawn last shows, row by row: the same bits on every portable
@@ -488,6 +538,92 @@ impl Renderer {
     /// # Panics
     /// If the plan has no search.
     pub fn search(&mut self, program: &Program) -> Result<Searched<'_>, Error> {
+        let scene = self.scene.clone();
+        let submissions = match scene.window() {
+            None => self.search_there(program)?,
+            Some(window) => self.search_blocked(&scene, window, program)?,
+        };
+        let code = self.framed().coded_read.read::<Coded>(1)[0].code;
+        let search = &self.framed().search_read.read::<Search>(1)[0];
+        Ok(Searched { search, code, submissions, times: &self.times })
+    }
+
+    /// As [`search`](Self::search), on a blocked prior: brings the blocks that it may need. If an evaluation was
+    /// further from its start than that, brings more and searches again. So the outcome is that of the whole prior,
+    /// unless there is no room for all. The picture at the end is always whole.
+    fn search_blocked(
+        &mut self,
+        scene: &Scene,
+        window: &Window,
+        program: &Program,
+    ) -> Result<u32, Error> {
+        let starts = &program.starts[..program.count as usize];
+        let (mut reach, mut submissions, mut complete) = (window.searched(), 0, false);
+        let (mut renders, levels) = ([0; LEVELS], self.renders.len());
+        renders[..levels].copy_from_slice(&self.renders);
+        for searches in 0..MOST_SEARCHES {
+            if searches > 0 {
+                window.note_repeated();
+            }
+            // Trackers have budgets of renders. They must decide as with the whole prior, so repetitions do not count.
+            self.renders.copy_from_slice(&renders[..levels]);
+            let seen = self.see_search(scene, window, starts, reach);
+            let (seen, whole) = match seen {
+                Err(Error::TooManySplats { .. }) => {
+                    (self.see_search(scene, window, starts, Reach::NONE)?, false)
+                }
+                seen => (seen?, true),
+            };
+            submissions += self.search_there(program)?;
+            drop(seen);
+            let [moved, turned] = self.searched().strayed.map(f64::from);
+            let strayed = Reach { moved, turned };
+            complete = strayed.within(&reach) && whole;
+            if complete || !whole {
+                break;
+            }
+            reach = strayed.times(1.5).or(&reach);
+        }
+        if !complete {
+            window.note_incomplete();
+        }
+        let code = self.framed().coded_read.read::<Coded>(1)[0].code;
+        let pose = pose_of(scene, &self.placed(&code));
+        let near = scene.splats.options.near;
+        let sight = Sight::new([*self.camera(0)].into_iter(), near, &pose, Reach::NONE);
+        if !window.has(|block| sight.may_show(block)) {
+            let renders = self.renders[0];
+            self.draw_coded_as_planned(&code)?;
+            self.renders[0] = renders;
+        } else {
+            self.read_ahead(&pose);
+        }
+        Ok(submissions)
+    }
+
+    /// Brings what a search may evaluate within a reach of its starts, at any level.
+    fn see_search<'a>(
+        &self,
+        scene: &'a Scene,
+        window: &'a Window,
+        starts: &[Placement],
+        reach: Reach,
+    ) -> Result<MutexGuard<'a, Content>, Error> {
+        let near = scene.splats.options.near;
+        let sights = |reach: Reach| -> [Option<Sight>; STARTS] {
+            let cameras = || self.levels.sizes.iter().map(|level| level.camera);
+            let sight = |start| Sight::new(cameras(), near, &pose_of(scene, start), reach);
+            std::array::from_fn(|i| starts.get(i).map(sight))
+        };
+        let (needed, wanted) = (sights(reach), sights(window.wanted().or(&reach)));
+        let any = |sights: &[Option<Sight>], block: &Block| {
+            sights.iter().flatten().any(|sight| sight.may_show(block))
+        };
+        window.see(&scene.splats, |block| any(&needed, block), |block| any(&wanted, block))
+    }
+
+    /// Searches among the splats that are there. Returns how many submissions it took.
+    fn search_there(&mut self, program: &Program) -> Result<u32, Error> {
         self.follow_scene();
         let mut submissions = 0;
         loop {
@@ -509,19 +645,16 @@ impl Renderer {
                     break;
                 }
             }
-            let by_level = self.searched().by_level;
-            for (renders, count) in self.renders.iter_mut().zip(by_level) {
-                *renders += count;
-            }
-            self.renders[0] += 1;
             let needed = self.searched().pairs_needed;
             if !self.grow(needed)? {
-                break;
+                let by_level = self.searched().by_level;
+                for (renders, count) in self.renders.iter_mut().zip(by_level) {
+                    *renders += count;
+                }
+                self.renders[0] += 1;
+                return Ok(submissions);
             }
         }
-        let code = self.framed().coded_read.read::<Coded>(1)[0].code;
-        let search = &self.framed().search_read.read::<Search>(1)[0];
-        Ok(Searched { search, code, submissions, times: &self.times })
     }
 
     fn searched(&self) -> Search {
@@ -556,7 +689,7 @@ impl Renderer {
         Ok(self.levels.normal_equations(level))
     }
 
-    /// Renders so far, by level.
+    /// Renders so far, by level. What was done again for lack of room counts once.
     pub fn renders(&self) -> &[u32] {
         &self.renders
     }

@@ -8,13 +8,16 @@ use crate::coder_tables::Tables;
 use crate::filter_weights::FilterWeights;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
+use crate::prior::blocked::BlockedPrior;
 use crate::prior::{CoordinateFrame, KeyFrames, Learnt, UpdateError};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
-use crate::vulkan::{Buffer, Device, Error};
+use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Prior, PriorId};
 
+use super::block_cache::SpawnReader;
 use super::learnt_room::{self, LearntRoom};
 use super::splat_buffers::{Held, Planes, SplatBuffers};
+use super::window::{Residency, Window, WindowRoom};
 use super::{PipelineKey, SceneKernels};
 
 /// A prior on the device.
@@ -29,6 +32,8 @@ pub struct Scene {
     preprocessing: Preprocessing,
     /// Only if it was uploaded for updates.
     learnt_room: Option<LearntRoom>,
+    /// Only if it is a blocked prior.
+    window: Option<Window>,
 }
 
 impl Scene {
@@ -64,7 +69,54 @@ impl Scene {
             filter_weights: prior.filter_weights().cloned(),
             preprocessing: *prior.preprocessing(),
             learnt_room,
+            window: None,
         })
+    }
+
+    /// Makes a scene of a blocked prior, with room for so many of its splats. None are there yet: renderers bring those
+    /// that they need. It takes no updates.
+    pub(crate) fn of_blocked(
+        device: &Device,
+        blocked: &Arc<BlockedPrior>,
+        kernels: Arc<SceneKernels>,
+        room: &WindowRoom,
+        spawn: SpawnReader,
+    ) -> Result<Scene, Error> {
+        let planes = |name, planes: u32| {
+            Buffer::new::<[f32; 2]>(device, name, planes as usize * room.device, Memory::Device)
+        };
+        let buffers = [
+            planes("geometry", GEOMETRY_PLANES)?,
+            planes("spherical harmonics", shared::sh_planes(blocked.sh_degree()))?,
+        ];
+        let held = Held { splats: 0, stride: room.device as u32, radius: blocked.radius() };
+        let tables = blocked.coder_tables().map(|tables| Arc::new(tables.clone()));
+        Ok(Scene {
+            splats: Arc::new(SplatBuffers::new(kernels, buffers, &held, *blocked.options())),
+            analysis: PriorAnalysis::of_head(
+                blocked.options(),
+                blocked.sh_degree(),
+                blocked.clamps_alpha(),
+            ),
+            id: blocked.id(),
+            frame: blocked.coordinate_frame(),
+            key_frames: blocked.key_frames().clone(),
+            coder_tables: tables.unwrap_or_else(generic_tables),
+            filter_weights: None,
+            preprocessing: *blocked.preprocessing(),
+            learnt_room: None,
+            window: Some(Window::new(device, blocked, room, spawn)?),
+        })
+    }
+
+    /// The window, if it is a blocked prior's.
+    pub(crate) fn window(&self) -> Option<&Window> {
+        self.window.as_ref()
+    }
+
+    /// Which part of the prior is on the device; `None`: it is no blocked prior, and all of it is there.
+    pub fn residency(&self) -> Option<Residency> {
+        self.window.as_ref().map(Window::residency)
     }
 
     /// Checks that it can draw what is learnt.

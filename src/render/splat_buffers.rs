@@ -93,10 +93,11 @@ impl Planes {
     /// With room for `stride` splats.
     pub fn of(prior: &Prior, analysis: &PriorAnalysis, stride: usize) -> Planes {
         let splats = prior.splats();
+        let shown = analysis.splats.iter().map(|i| &splats.positions[*i as usize]);
         Planes {
             geometry: geometry(splats, &analysis.splats, stride, centre(prior)),
             sh: sh_planes(splats, &analysis.splats, stride, analysis.sh_degree),
-            radius: radius(splats, &analysis.splats, centre(prior)),
+            radius: prior.coordinate_frame().radius_of(shown),
         }
     }
 }
@@ -104,14 +105,6 @@ impl Planes {
 /// What the device's positions are relative to.
 pub(super) fn centre(prior: &Prior) -> DVec3 {
     DVec3::from(prior.coordinate_frame().centre.map(f64::from))
-}
-
-/// The distance from `centre` that no middle of the splats that `which` names exceeds, as the device holds it.
-fn radius(splats: &Splats, which: &[u32], centre: DVec3) -> f32 {
-    let middle = |i: &u32| DVec3::from(splats.positions[*i as usize].map(f64::from));
-    let farthest = which.iter().map(|i| middle(i).distance(centre)).fold(0.0, f64::max);
-    // Both roundings to f32 are far below this.
-    (farthest * (1.0 + 1e-6)) as f32
 }
 
 /// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,

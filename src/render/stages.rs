@@ -242,11 +242,10 @@ impl Stages<'_> {
         sort_precision: SortPrecision,
         pass: Pass,
     ) -> Result<(), Error> {
-        let Stages { splats, levels, work, .. } = *self;
+        let Stages { levels, work, .. } = *self;
         let sort = Sort {
             sort_precision,
-            count: splats.room,
-            counted: true,
+            count: None,
             log_blocks: levels.log_sort_blocks,
             pass,
             groups: &levels.groups,

@@ -46,6 +46,14 @@ pub enum Error {
          device's driver lets a shader go through"
     )]
     TooManyPairs,
+    /// A part of what is drawn could not be read.
+    #[error("{0}")]
+    Unread(Box<dyn std::error::Error + Send + Sync>),
+    #[error(
+        "the camera sees blocks of {needed} splats; the memory of the prior has room for {room}: \
+         raise its limit"
+    )]
+    TooManySplats { needed: u64, room: u64 },
 }
 
 impl Error {
@@ -56,6 +64,7 @@ impl Error {
             Error::Memory { .. }
             | Error::BufferTooLarge { .. }
             | Error::TooManyWorkgroups { .. }
+            | Error::TooManySplats { .. }
             | Error::TooManyPairs => true,
             Error::Call { result, .. } => {
                 matches!(*result, R::ERROR_OUT_OF_HOST_MEMORY | R::ERROR_OUT_OF_DEVICE_MEMORY)

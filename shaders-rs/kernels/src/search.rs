@@ -113,6 +113,9 @@ pub struct Search {
     pub pairs_needed: u32,
     /// Evaluations so far.
     pub evaluations: u32,
+    /// How far evaluations were from the starts that led to them: the greatest distance of camera centres, and the
+    /// greatest chord `2 sin(a/2)` of turns by angles `a`.
+    pub strayed: [f32; 2],
     /// Evaluations so far, by level.
     pub by_level: [u32; LEVELS],
     /// Levenberg–Marquardt damping.
@@ -200,6 +203,7 @@ fn note(s: &mut Search) {
         }
         s.sums[SQUARE] = f32::MAX;
     }
+    stray(s);
     let at = s.evaluations as usize;
     if at < TRACE {
         s.trace[at] = s.sums[SQUARE];
@@ -207,6 +211,31 @@ fn note(s: &mut Search) {
     }
     s.evaluations += 1;
     s.by_level[s.level as usize] += 1;
+}
+
+/// Notes how far the evaluation was from its start.
+fn stray(s: &mut Search) {
+    let from = if following(s) { s.start } else { s.best_start };
+    let apart = apart(&s.trial, &s.program.starts[from as usize % STARTS]);
+    // What is not a number is far.
+    let mut kind = 0;
+    while kind < 2 {
+        if !(apart[kind] <= s.strayed[kind]) {
+            s.strayed[kind] = if apart[kind] < f32::MAX { apart[kind] } else { f32::MAX };
+        }
+        kind += 1;
+    }
+}
+
+/// The distance of the centres of two cameras, and the chord of the turn between them.
+pub fn apart(a: &Placement, b: &Placement) -> [f32; 2] {
+    let of = |p: &Placement| transform_back(&rotation_matrix(&p.rotation), p.translation);
+    let (c, d) = (of(a), of(b));
+    let off = [c[0] - d[0], c[1] - d[1], c[2] - d[2]];
+    let (p, q) = (&a.rotation, &b.rotation);
+    let cosine = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3];
+    let square = crate::shared::max(1.0 - cosine * cosine, 0.0);
+    [dot(off, off).sqrt(), 2.0 * square.sqrt()]
 }
 
 /// Accepts or rejects the step under way.

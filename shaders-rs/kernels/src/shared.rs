@@ -276,6 +276,8 @@ pub struct Counters {
     pub visible: u32,
     /// Bits of a digit of the depth keys.
     pub digit_bits: u32,
+    /// Splats that were projected.
+    pub splats: u32,
 }
 
 /// A splat as seen from the camera, before anything of the picture is known.

@@ -164,12 +164,12 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
     if (block == 0) & (lane == 0) {
         counters.digit_bits = bits;
         counters.pairs_needed = 0;
+        counters.splats = params.splats;
         make_empty(params.splats, records);
     }
     let table = table(bits, view.log_blocks, view.digit);
     counters::clear::<L, _>(bins, table.width, lane);
-    let [first, all] = shared::block(params.stride, view.log_blocks, block, SORT_STEP);
-    let end = all.min(params.splats).max(first);
+    let [first, end] = shared::block(params.splats, view.log_blocks, block, SORT_STEP);
     let mut place = first + lane;
     while place - lane < end {
         // Beyond the last splat, it is projected again, and neither written nor counted.
@@ -177,12 +177,6 @@ fn run<L: Lanes, B: Pairs + ?Sized>(
         let key = one(place.min(end - 1), there, &params, sh_degree, geometry, sh, records, keys);
         let counted = there & (key != CULLED);
         L::tally(bins, digit_of(key, bits, view.digit), 1, counted, lane, scratch);
-        place += L::COUNT;
-    }
-    // Places without a splat.
-    place = end + lane;
-    while place < all {
-        *at_mut(keys, place) = CULLED;
         place += L::COUNT;
     }
     counters::leave::<L>(bins, &table, block, lane, histogram);

@@ -22,7 +22,7 @@ pub struct Pass {
     pub first: u32,
     /// Logarithm, base 2, of the number of blocks that share the keys.
     pub log_blocks: u32,
-    /// Keys of the first pass; those after have the visible splats' alone.
+    /// Keys of the first pass; 0: one for each projected splat. The passes after have the visible splats' alone.
     pub keys: u32,
 }
 
@@ -39,7 +39,8 @@ pub fn digit_of(key: u32, bits: u32, digit: u32) -> u32 {
 impl Pass {
     /// Keys `[first, end)` of a block.
     fn block(&self, counters: &Counters, block: u32) -> [u32; 2] {
-        let keys = if self.first == 1 { self.keys } else { counters.visible };
+        let all = if self.keys > 0 { self.keys } else { counters.splats };
+        let keys = if self.first == 1 { all } else { counters.visible };
         shared::block(keys, self.log_blocks, block, SORT_STEP)
     }
 }

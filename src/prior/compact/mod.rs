@@ -70,7 +70,7 @@ pub fn write(
         u32::try_from(splats.len()).map_err(|_| PriorError::TooMany { count: splats.len() })?;
     let coded = Coded::of(splats, quantisation)?;
     let kept = coded.splats(splats.sh_degree, quantisation);
-    let id = identity_of(&kept, options, None);
+    let id = identity_of(&kept, options, None, None);
     let header = Header {
         sh_degree: splats.sh_degree,
         key_frames: !key_frames.is_empty(),
@@ -100,7 +100,7 @@ pub fn with_key_frames(bytes: &[u8], key_frames: &KeyFrames) -> Result<Vec<u8>, 
 pub fn with_coder_tables(bytes: &[u8], tables: Option<&Tables>) -> Result<Vec<u8>, PriorError> {
     let file = read(bytes)?;
     let parts = Parts::of(bytes)?;
-    let id = identity_of(&file.splats, &file.options, tables);
+    let id = identity_of(&file.splats, &file.options, tables, None);
     let header = Header { coder_tables: tables.is_some(), id, ..parts.header };
     Ok(assembled(&header, &parts.preprocessing, &parts.key_frames, tables, parts.stream))
 }
@@ -125,9 +125,7 @@ fn assembled(
     stream: &[u8],
 ) -> Vec<u8> {
     let mut bytes = header.to_bytes();
-    bytes.extend(preprocessing::to_bytes(preprocessing));
-    bytes.extend(key_frames::to_bytes(key_frames));
-    bytes.extend(coder_tables::to_bytes(tables));
+    bytes.extend(besides_to_bytes(preprocessing, key_frames, tables));
     bytes.extend(stream);
     bytes.extend(crc32fast::hash(&bytes).to_le_bytes());
     bytes
@@ -151,7 +149,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     })?;
     let coded = Coded { grid: header.grid, ranks, columns };
     let splats = coded.splats(header.sh_degree, &header.quantisation);
-    let found = identity_of(&splats, &header.options, coder_tables.as_ref());
+    let found = identity_of(&splats, &header.options, coder_tables.as_ref(), None);
     if found != header.id {
         return Err(PriorError::Identity { stated: header.id, found });
     }
@@ -163,6 +161,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         key_frames,
         coder_tables,
         preprocessing,
+        frame: None,
     })
 }
 
@@ -192,27 +191,61 @@ impl Parts<'_> {
             return Err(PriorError::Damaged { stated, found });
         }
         let header = Header::read(content)?;
-        let (mut stream_at, mut stream) = (Header::BYTES, rest);
-        let mut preprocessing = Preprocessing::NONE;
-        if header.preprocessing {
-            preprocessing = preprocessing::read(stream, stream_at)?;
-            let size = preprocessing::BYTES;
-            (stream_at, stream) = (stream_at + size, &stream[size..]);
-        }
-        let mut key_frames = KeyFrames::NONE;
-        if header.key_frames {
-            let (frames, size) = key_frames::read(stream, stream_at)?;
-            key_frames = frames;
-            (stream_at, stream) = (stream_at + size, &stream[size..]);
-        }
-        let mut coder_tables = None;
-        if header.coder_tables {
-            let (tables, size) = coder_tables::read(stream, stream_at)?;
-            coder_tables = Some(tables);
-            (stream_at, stream) = (stream_at + size, &stream[size..]);
-        }
+        let there = [header.preprocessing, header.key_frames, header.coder_tables];
+        let (besides, size) = read_besides(rest, Header::BYTES, there)?;
+        let Besides { preprocessing, key_frames, coder_tables } = besides;
+        let (stream_at, stream) = (Header::BYTES + size, &rest[size..]);
         Ok(Parts { header, preprocessing, key_frames, coder_tables, stream_at, stream })
     }
+}
+
+/// What a file holds besides splats.
+pub(super) struct Besides {
+    pub preprocessing: Preprocessing,
+    pub key_frames: KeyFrames,
+    pub coder_tables: Option<Tables>,
+}
+
+/// The bytes of what a file holds besides splats. Of what is not there it holds none.
+pub(super) fn besides_to_bytes(
+    preprocessing: &Preprocessing,
+    key_frames: &KeyFrames,
+    tables: Option<&Tables>,
+) -> Vec<u8> {
+    let mut bytes = preprocessing::to_bytes(preprocessing);
+    bytes.extend(key_frames::to_bytes(key_frames));
+    bytes.extend(coder_tables::to_bytes(tables));
+    bytes
+}
+
+/// Reads what [`besides_to_bytes`] wrote, from the start of `bytes`, which begin at byte `at` of the file. `there`:
+/// whether it holds a preprocessing, key frames, coder tables. Also returns how many bytes they take.
+pub(super) fn read_besides(
+    bytes: &[u8],
+    at: usize,
+    there: [bool; 3],
+) -> Result<(Besides, usize), PriorError> {
+    let mut besides = Besides {
+        preprocessing: Preprocessing::NONE,
+        key_frames: KeyFrames::NONE,
+        coder_tables: None,
+    };
+    let mut size = 0;
+    if there[0] {
+        besides.preprocessing = preprocessing::read(bytes, at)?;
+        size += preprocessing::BYTES;
+    }
+    if there[1] {
+        let (frames, own) = key_frames::read(&bytes[size..], at + size)?;
+        besides.key_frames = frames;
+        size += own;
+    }
+    if there[2] {
+        let (tables, own) = coder_tables::read(&bytes[size..], at + size)?;
+        besides.coder_tables = Some(tables);
+        size += own;
+    }
+    Ok((besides, size))
 }
 
 /// Splats in steps, in the order of the file.

@@ -328,7 +328,7 @@ proptest! {
         let q = Quantisation::default().scaled(factor);
         let (id, bytes) = written(&splats, &RenderOptions::INRIA, &q);
         let file = read(&bytes).unwrap();
-        prop_assert_eq!(identity_of(&file.splats, &file.options, None), id);
+        prop_assert_eq!(identity_of(&file.splats, &file.options, None, None), id);
         let (again, bytes) = written(&file.splats, &file.options, &q);
         prop_assert_eq!(read(&bytes).unwrap().splats, file.splats);
         prop_assert_eq!(again, id);

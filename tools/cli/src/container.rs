@@ -5,6 +5,7 @@ use std::path::Path;
 use nvsprior::RenderOptions;
 use nvsprior::coder_tables::Tables;
 use nvsprior::image::Preprocessing;
+use nvsprior::prior::blocked::{BlockedWriter, Extras};
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
 
@@ -17,6 +18,8 @@ pub const FINENESS: f32 = 0.25;
 pub enum Container {
     /// `.nvsg`: the compact prior, in these steps.
     Compact(Quantisation),
+    /// `.nvsb`: a prior in blocks, in these steps.
+    Blocked(Quantisation),
     /// `.ply`: as trainers write it.
     Ply,
 }
@@ -26,8 +29,9 @@ impl Container {
     pub fn of(path: &Path, quantisation: Quantisation) -> anyhow::Result<Container> {
         match path.extension().and_then(|e| e.to_str()) {
             Some("nvsg") => Ok(Container::Compact(quantisation)),
+            Some("nvsb") => Ok(Container::Blocked(quantisation)),
             Some("ply") => Ok(Container::Ply),
-            _ => anyhow::bail!("{}: a prior's name ends in .nvsg or .ply", path.display()),
+            _ => anyhow::bail!("{}: a prior's name ends in .nvsg, .nvsb or .ply", path.display()),
         }
     }
 
@@ -50,6 +54,11 @@ impl Container {
                 if !preprocessing.is_none() {
                     bytes = compact::with_preprocessing(&bytes, preprocessing)?;
                 }
+            }
+            Container::Blocked(quantisation) => {
+                let writer = BlockedWriter { quantisation, ..BlockedWriter::default() };
+                let extras = Extras { key_frames, coder_tables, preprocessing };
+                writer.write(splats, options, &extras, &mut bytes, &mut |_| ())?;
             }
             Container::Ply => {
                 ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)?

@@ -120,10 +120,14 @@ fn draw_views(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The prior that comes with the program.
+pub fn prior() -> anyhow::Result<Prior> {
+    Ok(Prior::from_bytes(nvsprior_basin::PRIOR, "the demo's prior", &Default::default())?)
+}
+
 /// Writes the prior as a file that viewers read, too.
 fn write_prior(path: &Path) -> anyhow::Result<Prior> {
-    let shipped =
-        Prior::from_bytes(nvsprior_basin::PRIOR, "the demo's prior", &Default::default())?;
+    let shipped = prior()?;
     let mut bytes = Vec::new();
     write_ply(
         shipped.splats(),

@@ -1,6 +1,7 @@
 //! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
 
 mod beside;
+mod blocks;
 mod container;
 mod decode;
 mod demo;
@@ -71,6 +72,7 @@ enum Command {
     Map(map::Args),
     Trim(trim::Args),
     Merge(merge::Args),
+    Blocks(blocks::Args),
     KeyFrames(key_frames::Args),
     Tables(tables::Args),
     Filter(filter::Args),
@@ -101,11 +103,12 @@ fn main() -> ExitCode {
         Command::Map(args) => map::run(&args),
         Command::Trim(args) => trim::run(&args),
         Command::Merge(args) => merge::run(&args),
+        Command::Blocks(args) => blocks::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
         Command::Tables(args) => tables::run(&args),
         Command::Filter(args) => filter::run(&args),
         Command::Doubt(args) => doubt::run(&args),
-        Command::Bench(args) => bench::run(&args),
+        Command::Bench(args) => bench::run(&args, demo::prior),
         Command::Demo(args) => demo::run(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Stability(args) => stability::run(&args),

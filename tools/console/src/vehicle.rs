@@ -142,10 +142,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let keyed = args.key.key.as_ref().zip(keys);
     let keyed = keyed.map(|(path, keys)| KeyState::open(path, Side::Vehicle, keys)).transpose()?;
     let (keys, key_state) = keyed.unzip();
-    let prior = args.prior.open()?;
     let engine = args.device.open()?;
-    let scene =
-        if args.learn { engine.upload_for_updates(&prior)? } else { engine.upload(&prior)? };
+    let scene = match args.learn {
+        true => args.prior.upload_for_updates(&engine)?,
+        false => args.prior.upload(&engine)?,
+    };
     let (threshold, frames_treated) = (args.threshold, false);
     let tune = args.tune.tune();
     let options = VehicleOptions {

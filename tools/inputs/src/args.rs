@@ -7,7 +7,8 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
-use nvsprior::render::Scene;
+use nvsprior::prior::blocked::BlockedPrior;
+use nvsprior::render::{Scene, reader_thread};
 use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Prior, RenderOverrides};
@@ -17,9 +18,13 @@ use crate::values;
 /// The prior and how to render it.
 #[derive(clap::Args)]
 pub struct PriorArgs {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
+    /// The trained scene: .ply, .nvsg, .nvsb, .spz or .compressed.ply; the content tells the format
     #[arg(long, value_name = "FILE")]
     pub prior: PathBuf,
+    /// Most memory for the splats of a prior in blocks (.nvsb): only those that cameras see are loaded. Pictures stay
+    /// the same [default: it is loaded whole]
+    #[arg(long, value_name = "MIB", value_parser = clap::value_parser!(u32).range(1..))]
+    pub prior_memory: Option<u32>,
     #[command(flatten)]
     pub overrides: OverrideArgs,
 }
@@ -96,9 +101,32 @@ impl PriorArgs {
         Ok(prior)
     }
 
+    /// Uploads the prior, or opens it in blocks.
     pub fn upload(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
-        let prior = self.open()?;
-        engine.upload(&prior).with_context(|| format!("uploading {}", self.prior.display()))
+        let scene = match self.prior_memory {
+            Some(mebibytes) => {
+                let given = self.overrides.overrides() != RenderOverrides::default();
+                anyhow::ensure!(!given, "--prior-memory takes the render options of the file");
+                let blocked = Arc::new(BlockedPrior::open(&self.prior)?);
+                engine.open_blocked(&blocked, u64::from(mebibytes) << 20, reader_thread())
+            }
+            None => engine.upload(&self.open()?),
+        };
+        scene.with_context(|| format!("uploading {}", self.prior.display()))
+    }
+
+    /// Uploads the prior, with room for updates.
+    pub fn upload_for_updates(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
+        self.check_whole("for updates")?;
+        let scene = engine.upload_for_updates(&self.open()?);
+        scene.with_context(|| format!("uploading {}", self.prior.display()))
+    }
+
+    /// Fails if a prior that is needed whole is to be opened in blocks.
+    pub fn check_whole(&self, what_for: &str) -> anyhow::Result<()> {
+        let whole = self.prior_memory.is_none();
+        anyhow::ensure!(whole, "--prior-memory: {what_for} the prior must be loaded whole");
+        Ok(())
     }
 }
 

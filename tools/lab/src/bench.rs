@@ -15,6 +15,7 @@ mod recovery;
 pub(crate) mod report;
 mod scaling;
 mod similarity;
+mod site;
 pub(crate) mod stages;
 pub(crate) mod statistics;
 pub(crate) mod steady;
@@ -23,6 +24,7 @@ pub(crate) mod trials;
 
 use std::path::PathBuf;
 
+use nvsprior::Prior;
 use nvsprior::image::Preprocessor;
 use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::MemoryUse;
@@ -44,11 +46,15 @@ pub use statistics::median;
 /// report.json, tables (CSV) and plots (SVG), and prints it all. A search has failed if its render
 /// stays more than 0.1 dB below that at the best known pose.
 #[derive(clap::Args)]
+#[command(
+    mut_arg("prior", |arg| arg.required(false).required_unless_present("site")),
+    mut_arg("cameras", |arg| arg.required(false).required_unless_present("site"))
+)]
 pub struct Args {
     #[command(flatten)]
-    prior: PriorArgs,
+    prior: Option<PriorArgs>,
     #[command(flatten)]
-    input: InputArgs,
+    input: Option<InputArgs>,
     /// Gradient methods to compare with Gauss–Newton, which is always measured
     #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
     optimizers: Vec<OptimizerArg>,
@@ -72,6 +78,8 @@ pub struct Args {
     codecs: codecs::CodecsArgs,
     #[command(flatten)]
     paper: paper::PaperArgs,
+    #[command(flatten)]
+    site: site::SiteArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
@@ -82,11 +90,18 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-/// Measures, prints, and writes the report.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+/// Measures, prints, and writes the report. `demo_prior`: what `--site` copies if no prior is given.
+pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyhow::Result<()> {
     let folder = &args.report;
     values::make_folder("--report", folder)?;
-    let mut context = open(args)?;
+    if args.site.site {
+        let scene = || args.prior.as_ref().map_or_else(&demo_prior, PriorArgs::open);
+        return site::run(&args.site, scene, &args.device, folder);
+    }
+    let (Some(prior), Some(input)) = (&args.prior, &args.input) else {
+        return Err(values::WrongUsage("--prior and --cameras are needed".into()).into());
+    };
+    let mut context = open(args, prior, input)?;
     if args.ablation.ablation {
         ablation::run(&args.ablation, &mut context, folder)?;
         return args.device.check(&context.engine);
@@ -100,7 +115,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return args.device.check(&context.engine);
     }
     if args.paper.paper {
-        paper::run(&args.paper, &args.input, &mut context, folder)?;
+        paper::run(&args.paper, input, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
     let report = measure(args, &mut context)?;
@@ -120,11 +135,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Reads the frames and uploads the prior.
-fn open(args: &Args) -> anyhow::Result<Context> {
-    let prior = args.prior.open()?;
+fn open(args: &Args, prior: &PriorArgs, input: &InputArgs) -> anyhow::Result<Context> {
+    prior.check_whole("for measurements")?;
+    let prior = prior.open()?;
     let mut preprocessor = Preprocessor::new(prior.preprocessing());
     let read = |input| Shot::read(input, &mut preprocessor);
-    let inputs = args.input.frames_from(args.paper.starts(&args.input))?;
+    let inputs = input.frames_from(args.paper.starts(input))?;
     let shots = inputs.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
     anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
     let engine = args.device.open()?;

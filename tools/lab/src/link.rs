@@ -377,16 +377,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     args.beside.iter().try_for_each(|coder| coder.check())?;
     let inputs = args.input.frames()?;
     values::make_folder("--report", &args.report)?;
-    let prior = args.prior.open()?;
-    let mut footage = Footage::read(&inputs, &mut Preprocessor::new(prior.preprocessing()))?;
+    let engine = args.device.open()?;
+    let scene = match args.learn {
+        true => args.prior.upload_for_updates(&engine)?,
+        false => args.prior.upload(&engine)?,
+    };
+    let mut footage = Footage::read(&inputs, &mut Preprocessor::new(scene.preprocessing()))?;
     let frames = match args.seconds {
         Some(seconds) => ((seconds * args.fps) as usize).max(1),
         None => footage.pictures.len(),
-    };
-    let engine = args.device.open()?;
-    let scene = match args.learn {
-        true => engine.upload_for_updates(&prior)?,
-        false => engine.upload(&prior)?,
     };
     if args.region {
         let frames = footage.pictures.iter().zip(inputs.iter().map(|input| input.known));

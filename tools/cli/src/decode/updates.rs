@@ -47,6 +47,7 @@ impl Updates {
         if chain.is_none() && files.is_empty() && args.learnt.is_none() {
             return Ok((args.prior.upload(engine)?, None));
         }
+        args.prior.check_whole("with updates")?;
         let prior = args.prior.open()?;
         let dive_file = DiveFile::new(&args.frames, prior.id(), args.learnt.as_ref())?;
         let source = match chain {

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Context;
 use nvsprior::learning::LearnOptions;
 use nvsprior::prior::Update;
 use nvsprior::prior::update::DIVE_FILE;
@@ -59,9 +58,7 @@ impl LearnArgs {
         if !self.is_wanted() {
             return prior.upload(engine);
         }
-        engine
-            .upload_for_updates(&prior.open()?)
-            .with_context(|| format!("uploading {}", prior.prior.display()))
+        prior.upload_for_updates(engine)
     }
 
     /// Has an encoder draw what was learnt, and learn, if that is wanted. Returns the dive file then.

@@ -113,7 +113,7 @@ fn a_buffer_that_is_too_short_is_named() {
     let run = |keys: usize| {
         let push = [0, 1, 0, 300];
         let dispatch = Dispatch { push: &push, ..dispatch(1, 32, 0) };
-        module.run(&dispatch, &mut [vec![0, 0, 11], vec![5; keys], vec![0; words]]).err()
+        module.run(&dispatch, &mut [vec![0, 0, 11, 0], vec![5; keys], vec![0; words]]).err()
     };
     assert_eq!(run(300), None);
     match run(290) {

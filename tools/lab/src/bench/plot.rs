@@ -156,6 +156,29 @@ pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
     draw(path, &words, true, &series, &[])
 }
 
+/// Time and memory by the splats of a site, as shares of those of the first one.
+pub fn site(path: &Path, rows: &[serde_json::Value]) -> anyhow::Result<()> {
+    let of = |row: &serde_json::Value, name: &str| row[name].as_f64().unwrap_or(f64::NAN);
+    let curves = [
+        ("time of a frame, ms", "frame_ms", 1.0),
+        ("host memory, MiB", "host_bytes", 1.0 / f64::from(1 << 20)),
+        ("device memory, MiB", "device_bytes", 1.0 / f64::from(1 << 20)),
+    ];
+    let series = curves.map(|(name, field, unit)| Series {
+        name: name.into(),
+        points: rows.iter().map(|row| (of(row, "splats"), unit * of(row, field))).collect(),
+        line: true,
+        dots: true,
+    });
+    let words = Words {
+        caption: "A frame by the size of the site",
+        x: "splats of the site",
+        y: "milliseconds, MiB",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, true, &series, &[])
+}
+
 /// PSNR against bytes, a curve per coder.
 pub fn codecs(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Result<()> {
     let series = curves.into_iter().map(|(name, mut points)| {

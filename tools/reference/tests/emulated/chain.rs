@@ -18,7 +18,7 @@ use nvsprior_kernels::shared::{
 };
 
 /// What nobody has written yet.
-const UNSET: u32 = 0xdead_beef;
+pub const UNSET: u32 = 0xdead_beef;
 
 /// A form of the stages, at a subgroup size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -218,7 +218,7 @@ impl<'a> Chain<'a> {
         for (name, words) in [
             ("records", (splats + 1) * 4 * RECORD),
             ("keys", splats),
-            ("counters", 3),
+            ("counters", 4),
             ("histogram", table.words()),
             ("coded", 64),
             ("keys 0", splats),
@@ -265,7 +265,7 @@ impl<'a> Chain<'a> {
         }
         self.set("keys", keys);
         let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
-        self.set("counters", &[UNSET, UNSET, digit_bits(largest)]);
+        self.set("counters", &[UNSET, UNSET, digit_bits(largest), UNSET]);
     }
 
     /// Runs a module on these buffers.
@@ -308,7 +308,7 @@ impl<'a> Chain<'a> {
         let form = self.settings.form.modules();
         let Settings { first_digit, log_sort_blocks, .. } = self.settings;
         let groups = [1 << log_sort_blocks, 1, 1];
-        let count = self.buffers["keys"].len() as u32;
+        let count = if counted { 0 } else { self.buffers["keys"].len() as u32 };
         let (mut keys, mut values) = ("keys", "none");
         for digit in first_digit..DIGITS {
             let out = [["keys 0", "splats 0"], ["keys 1", "splats 1"]][digit as usize % 2];

@@ -1,0 +1,206 @@
+//! A blocked prior, `.nvsb`: a prior in blocks, for scenes that do not fit into the memory of a vehicle.
+//!
+//! The bytes: `docs/format/prior.md`. Each block is a compact prior of at most [`MAX_BLOCK`] splats. The head says
+//! where each block lies in the file and in space, so that those that a camera can see are read without the others. A
+//! blocked prior has the identity of a prior of all its splats, in the order of the file. So one side of a link may
+//! hold it whole, and the other in blocks: their pictures have the same bytes.
+
+mod divide;
+mod head;
+mod write;
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use super::check::fault_of;
+use super::error::PriorError;
+use super::file_content::PriorFile;
+use super::identity::identity_of;
+use super::report::PriorFormat;
+use super::splats::Splats;
+use super::{CoordinateFrame, KeyFrames, PriorId, RenderOptions, compact};
+use crate::coder_tables::Tables;
+use crate::image::Preprocessing;
+pub use head::{Block, MAGIC, MAX_BLOCK};
+use head::{Head, START};
+pub use write::{BlockedSummary, BlockedWriter, Extras};
+
+/// A blocked prior whose splats are read block by block. Its head is checked when it is opened, a block when it is
+/// read.
+#[derive(Debug)]
+pub struct BlockedPrior {
+    file: File,
+    path: PathBuf,
+    head: Head,
+}
+
+impl BlockedPrior {
+    /// Opens a blocked prior and reads its head. The file must stay as it is, as long as it is open.
+    pub fn open(path: &Path) -> Result<BlockedPrior, PriorError> {
+        let in_file = |error: PriorError| error.in_file(&path.display().to_string());
+        let unread = |error| in_file(PriorError::Read(error));
+        let file = File::open(path).map_err(unread)?;
+        let size = file.metadata().map_err(unread)?.len();
+        let mut start = [0; START];
+        if size < START as u64 {
+            let needed = START as u128;
+            return Err(in_file(PriorError::Truncated { needed, found: size as usize }));
+        }
+        file.read_exact_at(&mut start, 0).map_err(unread)?;
+        let bytes = Head::bytes_of(&start, size).map_err(in_file)?;
+        let mut head = vec![0; bytes];
+        file.read_exact_at(&mut head, 0).map_err(unread)?;
+        let head = Head::read(&head, size).map_err(in_file)?;
+        Ok(BlockedPrior { file, path: path.to_owned(), head })
+    }
+
+    /// Whether the file at `path` begins as a blocked prior does.
+    pub fn is_at(path: &Path) -> bool {
+        let mut start = [0; MAGIC.len()];
+        let read = File::open(path).and_then(|file| file.read_exact_at(&mut start, 0));
+        read.is_ok() && start == MAGIC
+    }
+
+    /// Number of splats; never zero.
+    #[allow(clippy::len_without_is_empty)] // A blocked prior is never empty.
+    pub fn len(&self) -> usize {
+        self.head.splats
+    }
+
+    /// Where its blocks lie in space, in the order of their splats.
+    pub fn blocks(&self) -> &[Block] {
+        &self.head.blocks
+    }
+
+    /// Identity of the prior of all its splats.
+    pub fn id(&self) -> PriorId {
+        self.head.id
+    }
+
+    /// Degree of the spherical harmonics.
+    pub fn sh_degree(&self) -> u32 {
+        self.head.sh_degree
+    }
+
+    /// How to render it.
+    pub fn options(&self) -> &RenderOptions {
+        &self.head.options
+    }
+
+    /// Whether a splat's alpha may exceed the clamp.
+    pub fn clamps_alpha(&self) -> bool {
+        self.head.clamps_alpha
+    }
+
+    /// The frame in which packets state camera positions.
+    pub fn coordinate_frame(&self) -> CoordinateFrame {
+        self.head.frame
+    }
+
+    /// The median, over blocks, of the longest side of their boxes, the prior's unit.
+    pub fn typical_edge(&self) -> f64 {
+        head::typical_edge(&self.head.blocks)
+    }
+
+    /// No splat's middle is further than this from the centre of the coordinate frame.
+    pub fn radius(&self) -> f32 {
+        self.head.radius
+    }
+
+    /// Where to look for a lost camera; possibly none.
+    pub fn key_frames(&self) -> &KeyFrames {
+        &self.head.besides.key_frames
+    }
+
+    /// The scene coder tables; `None`: the generic tables are used.
+    pub fn coder_tables(&self) -> Option<&Tables> {
+        self.head.besides.coder_tables.as_ref()
+    }
+
+    /// How the pictures that it was trained on were treated.
+    pub fn preprocessing(&self) -> &Preprocessing {
+        &self.head.besides.preprocessing
+    }
+
+    /// Reads and checks the splats of a block. Takes memory by the size of the block. Any thread may call it.
+    ///
+    /// # Panics
+    /// If there is no such block.
+    pub fn read_block(&self, index: usize) -> Result<Splats, PriorError> {
+        let block = &self.head.blocks[index];
+        let mut bytes = vec![0; block.bytes as usize];
+        let read = self.file.read_exact_at(&mut bytes, block.offset).map_err(PriorError::Read);
+        read.and_then(|()| self.head.splats_of(index, &bytes))
+            .map_err(|error| error.in_file(&self.path.display().to_string()))
+    }
+}
+
+/// Reads a blocked prior whole. Memory depends on the content's size, as for a compact prior.
+pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    let size = bytes.len() as u64;
+    let truncated = PriorError::Truncated { needed: START as u128, found: bytes.len() };
+    let start: &[u8; START] = bytes.first_chunk().ok_or(truncated)?;
+    let head = Head::read(&bytes[..Head::bytes_of(start, size)?], size)?;
+    let mut splats = Splats { sh_degree: head.sh_degree, ..Splats::default() };
+    for (index, block) in head.blocks.iter().enumerate() {
+        let own = &bytes[block.offset as usize..][..block.bytes as usize];
+        splats.append(&mut head.splats_of(index, own)?);
+    }
+    let tables = head.besides.coder_tables.as_ref();
+    let found = identity_of(&splats, &head.options, tables, Some(&head.frame));
+    if found != head.id {
+        return Err(PriorError::Identity { stated: head.id, found });
+    }
+    Ok(PriorFile {
+        splats,
+        options: head.options,
+        format: PriorFormat::Blocked,
+        comments: Vec::new(),
+        key_frames: head.besides.key_frames,
+        coder_tables: head.besides.coder_tables,
+        preprocessing: head.besides.preprocessing,
+        frame: Some(head.frame),
+    })
+}
+
+impl Head {
+    /// The splats of a block, from its bytes. Checks all that pictures by blocks rely on.
+    fn splats_of(&self, index: usize, bytes: &[u8]) -> Result<Splats, PriorError> {
+        let in_block = |error| PriorError::InBlock { block: index, error: Box::new(error) };
+        let file = compact::read(bytes).map_err(in_block)?;
+        let splats = file.splats;
+        let block = &self.blocks[index];
+        let same = file.options == self.options
+            && splats.sh_degree == self.sh_degree
+            && splats.len() == block.splats as usize;
+        let fault = match same {
+            false => Some("its options, degree or number of splats are not those of the head"),
+            true => self.lies(block, &splats),
+        };
+        let wrong = |reason: &str| head::refusal(block.offset as usize, reason.into());
+        fault.map_or(Ok(splats), |reason| Err(in_block(wrong(reason))))
+    }
+
+    /// What the head says of a block's splats, and is not true.
+    fn lies(&self, block: &Block, splats: &Splats) -> Option<&'static str> {
+        let inside = |p: &[f32; 3]| {
+            (0..3).all(|axis| p[axis] >= block.least[axis] && p[axis] <= block.greatest[axis])
+        };
+        let valid = |index| fault_of(splats, index).is_none();
+        let faint = |index| !self.clamps_alpha && write::is_clamped(splats, index, &self.options);
+        match () {
+            _ if !(0..splats.len()).all(valid) => Some("a splat is not valid"),
+            _ if !splats.positions.iter().all(inside) => Some("a splat lies outside of its box"),
+            _ if write::longest(splats) > block.longest => Some("a splat is longer than stated"),
+            _ if self.frame.radius_of(&splats.positions) > self.radius => {
+                Some("a splat lies beyond the stated radius")
+            }
+            _ if (0..splats.len()).any(faint) => Some("a splat is more opaque than stated"),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,141 @@
+//! `nvsprior bench --site`: time and memory of priors in blocks, by the size of the site.
+
+mod flight;
+mod measured;
+mod tiled;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, ensure};
+use nvsprior::Prior;
+use nvsprior_inputs::args::{DeviceArgs, progress};
+use serde_json::{Value, json};
+
+use super::plot;
+use tiled::Tiled;
+
+/// `bench --site` and what it takes.
+#[derive(clap::Args)]
+pub struct SiteArgs {
+    /// Measure only priors in blocks: sites of 100,000, a million and ten million splats, which are rows of copies of
+    /// one scene
+    ///
+    /// A camera flies along the row and looks to the side. Measures the time of a frame, and the memory of a process
+    /// that encodes. Then it crosses --site-parts copies, and compares each packet with that of the prior loaded whole.
+    /// Writes site.json, flight.json and site.svg. Takes --prior in place of the demo's, if that is a scene of its
+    /// shape.
+    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs", "paper"])]
+    pub site: bool,
+    /// With `--site`: most memory of the splats
+    #[arg(long, value_name = "MIB", default_value_t = 256, requires = "site",
+        value_parser = clap::value_parser!(u32).range(1..))]
+    pub site_memory: u32,
+    /// With `--site`: copies that the flight crosses
+    #[arg(long, value_name = "N", default_value_t = 60, requires = "site",
+        value_parser = clap::value_parser!(u32).range(1..=200))]
+    pub site_parts: u32,
+    /// What a process started by `bench --site` measures
+    #[arg(long, value_name = "FILE", hide = true, requires = "site")]
+    site_prior: Option<PathBuf>,
+    /// It crosses the site, and compares with the whole prior
+    #[arg(long, hide = true, requires = "site_prior")]
+    site_flight: bool,
+}
+
+/// Splats of the sites.
+const SPLATS: [usize; 3] = [100_000, 1_000_000, 10_000_000];
+
+/// Measures, prints and writes it all to a folder. `scene`: what the row is made of.
+pub fn run(
+    args: &SiteArgs,
+    scene: impl FnOnce() -> anyhow::Result<Prior>,
+    device: &DeviceArgs,
+    folder: &Path,
+) -> anyhow::Result<()> {
+    let limit = u64::from(args.site_memory) << 20;
+    if let Some(blocked) = &args.site_prior {
+        let engine = device.open()?;
+        let value = match args.site_flight {
+            true => flight::fly(&engine, blocked, limit)?,
+            false => measured::measure(&engine, blocked, limit)?,
+        };
+        std::fs::write(outcome_of(blocked), value.to_string())?;
+        return device.check(&engine);
+    }
+    let tiled = Tiled::of(&scene()?)?;
+    let mut rows = Vec::new();
+    for splats in SPLATS {
+        rows.push(in_a_process(folder, &tiled, splats, false)?);
+        println!("{}", line(&rows[rows.len() - 1]));
+    }
+    std::fs::write(folder.join("site.json"), serde_json::to_string_pretty(&rows)?)?;
+    plot::site(&folder.join("site.svg"), &rows)?;
+    let growth = ["frame_ms", "host_bytes", "device_bytes"].map(|name| {
+        let of = |row: &Value| row[name].as_f64().unwrap_or(f64::NAN);
+        format!("{name} × {:.2}", of(&rows[2]) / of(&rows[1]))
+    });
+    println!("from a million splats to ten million: {}", growth.join(", "));
+    let parts = args.site_parts as usize;
+    let flight = in_a_process(folder, &tiled, parts * tiled.part(), true)?;
+    std::fs::write(folder.join("flight.json"), serde_json::to_string_pretty(&flight)?)?;
+    println!("flight across {parts} copies: {flight:#}");
+    Ok(())
+}
+
+/// The file that a process leaves its outcome in.
+fn outcome_of(blocked: &Path) -> PathBuf {
+    blocked.with_extension("json")
+}
+
+/// Writes a site, and has a process of its own measure it: so its memory is known.
+fn in_a_process(
+    folder: &Path,
+    tiled: &Tiled,
+    splats: usize,
+    flight: bool,
+) -> anyhow::Result<Value> {
+    let name = if flight { "flight-site.nvsb".into() } else { format!("site-{splats}.nvsb") };
+    let blocked = folder.join(name);
+    let bar = progress(splats, "splats written");
+    tiled.write(&blocked, splats, &mut |done| bar.set_position(done as u64))?;
+    bar.finish_and_clear();
+    let mut command = Command::new(std::env::current_exe()?);
+    // The arguments of this process, and what it is to measure.
+    command.args(std::env::args_os().skip(1)).arg("--site-prior").arg(&blocked);
+    command.args(flight.then_some("--site-flight"));
+    let status = command.status().context("starting a process to measure in")?;
+    ensure!(status.success(), "measuring {} failed: {status}", blocked.display());
+    let outcome = outcome_of(&blocked);
+    let value = serde_json::from_slice(&std::fs::read(&outcome)?)?;
+    std::fs::remove_file(outcome)?;
+    std::fs::remove_file(blocked)?;
+    Ok(value)
+}
+
+fn line(row: &Value) -> String {
+    let mebibytes = |name: &str| row[name].as_f64().unwrap_or(f64::NAN) / f64::from(1 << 20);
+    format!(
+        "{} splats: {:.1} ms a frame, {:.0} MiB of host memory, {:.0} MiB of the device's; {} splats on the device",
+        row["splats"],
+        row["frame_ms"].as_f64().unwrap_or(f64::NAN),
+        mebibytes("host_bytes"),
+        mebibytes("device_bytes"),
+        row["splats_on_device"],
+    )
+}
+
+/// What a process tells of a scene's blocks.
+fn residency(scene: &nvsprior::render::Scene) -> Value {
+    let Some(residency) = scene.residency() else { return Value::Null };
+    json!({
+        "blocks": residency.blocks,
+        "splats": residency.splats,
+        "room": residency.room,
+        "host_bytes": residency.host_bytes,
+        "changes": residency.changes,
+        "blocks_waited_for": residency.waits,
+        "repeated_searches": residency.repeated,
+        "incomplete_searches": residency.incomplete,
+    })
+}
