@@ -10,8 +10,8 @@ use super::window::Window;
 /// Tells what the other side sent from what others did, and takes each thing once.
 ///
 /// It looks at nothing but number and tag. A thing without the right tag costs a hash of it per number that is tried:
-/// eight for each key, 64 as long as nothing has come. With `n` bytes of tag a forged one passes with a chance of at
-/// most `4 · keys / 256ⁿ`, and of `64 · keys / 256ⁿ` as long as nothing has come.
+/// eight for each key, 64 for a key by which nothing has come yet. Each number may be taken for a forged one's with a
+/// chance of `1 / 256ⁿ`, for `n` bytes of tag: four numbers of a key, 64 of one by which nothing has come yet.
 #[derive(Clone, Debug)]
 pub struct Verifier {
     keys: [Option<Known>; MAX_KEYS],
@@ -24,6 +24,7 @@ pub struct Verifier {
 #[derive(Clone, Debug)]
 struct Known {
     key: Key,
+    id: KeyId,
     windows: [Window; STREAMS],
 }
 
@@ -44,13 +45,13 @@ impl Verifier {
     /// By all of these keys.
     pub fn new(keys: &Keys, content: Content) -> Verifier {
         let known = |key: &Key| {
-            let mut windows = [Window::default(); STREAMS];
-            for seen in keys.seen().iter().filter(|seen| seen.key == key.id()) {
+            let (id, mut windows) = (key.id(), [Window::default(); STREAMS]);
+            for seen in keys.seen().iter().filter(|seen| seen.key == id) {
                 if let Some(window) = windows.get_mut(usize::from(seen.stream)) {
                     *window = Window::after(seen.number);
                 }
             }
-            Known { key: key.clone(), windows }
+            Known { key: key.clone(), id, windows }
         };
         let known = keys.keys().each_ref().map(|key| key.as_ref().map(known));
         Verifier { keys: known, content, tag_bytes: keys.tag_bytes(), epoch: keys.epoch() }
@@ -70,12 +71,12 @@ impl Verifier {
         let (tag, bytes) = rest.split_at_checked(self.tag_bytes).ok_or(Refusal::Foreign)?;
         let (stream, low) = take_number(*number);
         let Verifier { content, epoch, .. } = *self;
-        for Known { key, windows } in self.keys.iter_mut().flatten() {
+        for Known { key, id, windows } in self.keys.iter_mut().flatten() {
             let (window, mut tagger) = (&mut windows[usize::from(stream)], Tagger::new(key));
             for number in window.candidates(low) {
                 let input = TagInput { content, stream, epoch, number };
                 if tagger.matches(&input, bytes, tag) {
-                    let verified = Verified { content: bytes, stream, number, key: key.id() };
+                    let verified = Verified { content: bytes, stream, number, key: *id };
                     return if window.take(number) { Ok(verified) } else { Err(Refusal::Replayed) };
                 }
             }
@@ -88,7 +89,7 @@ impl Verifier {
         self.keys.iter().flatten().flat_map(|known| {
             let all = (0..).zip(&known.windows);
             all.filter_map(|(stream, window)| {
-                Some(Seen { key: known.key.id(), stream, number: window.greatest()? })
+                Some(Seen { key: known.id, stream, number: window.greatest()? })
             })
         })
     }

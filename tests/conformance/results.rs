@@ -68,15 +68,16 @@ pub fn of(vector: &Vector, prior: &Prior) -> Outcome {
     outcome
 }
 
-/// A packet in a file without its tag. With keys each number is taken once, in any order.
+/// A packet in a file without its tag. With keys each number of a key is taken once, in any order.
 fn content<'a>(
     vector: &Vector,
     record: &'a [u8],
-    taken: &mut BTreeSet<u64>,
+    taken: &mut BTreeSet<(u32, u64)>,
 ) -> Result<&'a [u8], Refusal> {
     let Some(keys) = &vector.keys else { return Ok(record) };
     let verified = Verifier::new(&keys.keys(), Content::Packet).verify(record)?;
-    if taken.insert(verified.number) { Ok(verified.content) } else { Err(Refusal::Replayed) }
+    let is_new = taken.insert((verified.key.0, verified.number));
+    if is_new { Ok(verified.content) } else { Err(Refusal::Replayed) }
 }
 
 fn of_refusal(refusal: Refusal) -> &'static str {

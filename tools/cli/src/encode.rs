@@ -21,7 +21,7 @@ use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, OutputError};
 use nvsprior_inputs::video_input::VideoInputArgs;
 
-use crate::keyed_files::FileWriter;
+use crate::keyed_files::FileTags;
 use crate::sheet::{self, SheetRow};
 use crate::summary::{self, Row};
 use crate::updates::DiveFile;
@@ -251,9 +251,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut encoder = Encoder::new(&engine, &scene, &camera, options)?;
     encoder.set_interest(interest);
     let mut dive_file = args.learn.begin(&mut encoder, &args.packets)?;
-    let mut writers = Writers {
-        packets: FileWriter::new(keys.as_ref(), Content::Packet),
-        updates: FileWriter::new(keys.as_ref(), Content::Update),
+    let mut tags = Tags {
+        packets: FileTags::new(keys.as_ref(), Content::Packet),
+        updates: FileTags::new(keys.as_ref(), Content::Update),
     };
     if frames.begin_lost(&args.input.starts) {
         render_key_frames(&mut encoder)?;
@@ -263,7 +263,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     while let Some((input, frame)) = frames.next_frame()? {
         let (input, frame) = (&input, &frame);
         let (row, picture) =
-            encode(args, &mut encoder, dive_file.as_mut(), &mut writers, (input, frame))?;
+            encode(args, &mut encoder, dive_file.as_mut(), &mut tags, (input, frame))?;
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
@@ -294,10 +294,10 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What writes the files that go to the topside.
-struct Writers {
-    packets: FileWriter,
-    updates: FileWriter,
+/// Tags of the files that go to the topside.
+struct Tags {
+    packets: FileTags,
+    updates: FileTags,
 }
 
 /// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
@@ -305,14 +305,14 @@ fn encode(
     args: &Args,
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
-    writers: &mut Writers,
+    tags: &mut Tags,
     (input, frame): (&Input, &Picture),
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
     let (frame, encoded) = input.encode(encoder, frame)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
-    let writing = || format!("writing {}", packet.display());
-    writers.packets.write(&packet, &encoded.packet).with_context(writing)?;
-    let update_bytes = learn::learn_more(encoder, dive_file, &mut writers.updates, &packet)?;
+    std::fs::write(&packet, tags.packets.put(&encoded.packet))
+        .with_context(|| format!("writing {}", packet.display()))?;
+    let update_bytes = learn::learn_more(encoder, dive_file, &mut tags.updates, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
         frame_file::write_png(&path, &encoded.picture)?;

@@ -5,36 +5,32 @@ use std::path::Path;
 
 use anyhow::Context;
 use nvsprior::keys::{Authenticator, Content, Keys, Refusal, Verifier};
-use nvsprior::prior::replace_file;
 
-/// Writes files of packets or updates, with tags if there are keys.
-pub struct FileWriter {
+/// Makes what files of packets or updates hold, with tags if there are keys.
+pub struct FileTags {
     authenticator: Option<Authenticator>,
     bytes: Vec<u8>,
 }
 
-impl FileWriter {
-    pub fn new(keys: Option<&Keys>, content: Content) -> FileWriter {
+impl FileTags {
+    pub fn new(keys: Option<&Keys>, content: Content) -> FileTags {
         let authenticator = keys.map(|keys| Authenticator::new(keys, content));
-        FileWriter { authenticator, bytes: Vec::new() }
+        FileTags { authenticator, bytes: Vec::new() }
     }
 
-    pub fn write(&mut self, path: &Path, content: &[u8]) -> anyhow::Result<()> {
-        let bytes = match &mut self.authenticator {
-            Some(authenticator) => {
-                authenticator.write(0, content, &mut self.bytes);
-                &self.bytes
-            }
-            None => content,
-        };
-        Ok(replace_file(path, bytes)?)
+    /// What the next file holds.
+    pub fn put<'a>(&'a mut self, content: &'a [u8]) -> &'a [u8] {
+        let Some(authenticator) = &mut self.authenticator else { return content };
+        authenticator.write(0, content, &mut self.bytes);
+        &self.bytes
     }
 }
 
-/// Reads such files. With keys it takes each number once; files may come in any order.
+/// Reads such files. With keys it takes each number of a key once; files may come in any order.
 pub struct FileReader {
     verifier: Option<Verifier>,
-    taken: BTreeSet<u64>,
+    /// Key ids and numbers.
+    taken: BTreeSet<(u32, u64)>,
 }
 
 impl FileReader {
@@ -52,7 +48,7 @@ impl FileReader {
         let Some(verifier) = &self.verifier else { return Ok(bytes) };
         // Names may have another order than numbers: what was taken is kept here, without end.
         let verified = verifier.clone().verify(&bytes)?;
-        if !self.taken.insert(verified.number) {
+        if !self.taken.insert((verified.key.0, verified.number)) {
             return Err(Refusal::Replayed.into());
         }
         bytes.drain(..verifier.overhead());
@@ -71,12 +67,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let keys = Keys::new([Key::new([4; 32])]).unwrap();
         let path = |index: u32| folder.path().join(format!("{index}.nvsp"));
-        let mut writer = FileWriter::new(Some(&keys), Content::Packet);
-        for index in 0..200 {
-            writer.write(&path(index), &index.to_le_bytes()).unwrap();
+        let mut tags = FileTags::new(Some(&keys), Content::Packet);
+        for index in 0..200_u32 {
+            std::fs::write(path(index), tags.put(&index.to_le_bytes())).unwrap();
         }
         std::fs::copy(path(7), path(1000)).unwrap();
-        FileWriter::new(None, Content::Packet).write(&path(1001), b"no tag").unwrap();
+        std::fs::write(path(1001), FileTags::new(None, Content::Packet).put(b"no tag")).unwrap();
         let mut reader = FileReader::new(Some(&keys), Content::Packet);
         for index in (0..200).rev() {
             assert_eq!(reader.read(&path(index)).unwrap(), index.to_le_bytes());

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nvsprior::learning::LearnOptions;
-use nvsprior::prior::Update;
 use nvsprior::prior::update::DIVE_FILE;
+use nvsprior::prior::{Update, replace_file};
 use nvsprior::render::Scene;
 use nvsprior::{Encoder, Engine};
 use nvsprior_inputs::args::PriorArgs;
 use nvsprior_inputs::input::Input;
 
-use crate::keyed_files::FileWriter;
+use crate::keyed_files::FileTags;
 use crate::updates::DiveFile;
 
 /// Whether to learn, and how.
@@ -84,13 +84,13 @@ impl LearnArgs {
 pub fn learn_more(
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
-    writer: &mut FileWriter,
+    tags: &mut FileTags,
     packet: &Path,
 ) -> anyhow::Result<usize> {
     let Some(dive_file) = dive_file else { return Ok(0) };
     encoder.learn_more(1.0)?;
     let Some(update) = encoder.take_update() else { return Ok(0) };
-    writer.write(&packet.with_extension("nvsu"), &update)?;
+    replace_file(&packet.with_extension("nvsu"), tags.put(&update))?;
     dive_file.add(Update::read(&update)?)?;
     if let Some(number) = encoder.waiting_update() {
         encoder.adopt(number);

@@ -22,10 +22,10 @@ class Verifier:
 
     def verify(self, data):
         """The content, without number and tag."""
-        return self.number_of(data, self.taken)[1]
+        return self.read(data, self.taken)[2]
 
-    def number_of(self, data, taken):
-        """Number and content; `taken`: by key and stream the greatest number and all that were taken."""
+    def read(self, data, taken):
+        """Key, number and content; `taken`: by key and stream the greatest number and all that were taken."""
         if len(data) < 2 + self.tag:
             raise Refused("foreign")
         stream, low = le(data[:2]) >> 14, le(data[:2]) & 0x3FFF
@@ -48,7 +48,7 @@ class Verifier:
                 if number in all_taken or greatest is not None and number + 64 <= greatest:
                     raise Refused("replayed")
                 taken[key, stream] = max(number, -1 if greatest is None else greatest), all_taken | {number}
-                return number, content
+                return key, number, content
         raise Refused("foreign")
 
 
@@ -59,8 +59,8 @@ class Files:
         self.verifier, self.numbers = verifier, set()
 
     def verify(self, data):
-        number, content = self.verifier.number_of(data, {})
-        if number in self.numbers:
+        key, number, content = self.verifier.read(data, {})
+        if (key, number) in self.numbers:
             raise Refused("replayed")
-        self.numbers.add(number)
+        self.numbers.add((key, number))
         return content
