@@ -279,7 +279,7 @@ fn reports_of_strangers_are_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// A link that loses, swaps and repeats frames: each is taken once, and what is lost is all that is missing.
     #[test]
