@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
+use nvsprior::keys::{Authenticator, Content, Key, Keys, Verifier};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
@@ -141,6 +142,39 @@ fn preprocess(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Tags of a modem frame of 64 bytes: making and checking one, and refusing a stranger's with one key and with four.
+fn keys(criterion: &mut Criterion) {
+    let of = |bytes: &[u8]| Keys::new(bytes.iter().map(|byte| Key::new([*byte; Key::LEN])));
+    let (one, four) = (of(&[1]).expect("a key"), of(&[1, 2, 3, 4]).expect("four keys"));
+    let strange = of(&[9]).expect("a key");
+    let (content, mut frame, mut forged) = ([0x5A; 58], Vec::new(), Vec::new());
+    Authenticator::new(&strange, Content::Frame).write(0, &content, &mut forged);
+    let mut group = criterion.benchmark_group("keys, 64 bytes");
+    let mut authenticator = Authenticator::new(&one, Content::Frame);
+    let mut make = |frame: &mut Vec<u8>| authenticator.write(0, black_box(&content), frame);
+    group.bench_function("make", |b| b.iter(|| make(&mut frame)));
+    // Both count from 0.
+    let mut authenticator = Authenticator::new(&one, Content::Frame);
+    let mut verifier = Verifier::new(&one, Content::Frame);
+    group.bench_function("make and check", |b| {
+        b.iter(|| {
+            authenticator.write(0, black_box(&content), &mut frame);
+            verifier.verify(black_box(&frame)).map(|verified| verified.number).expect("its own")
+        })
+    });
+    for (name, keys) in [("refuse, one key", &one), ("refuse, four keys", &four)] {
+        let mut verifier = Verifier::new(keys, Content::Frame);
+        group.bench_function(format!("{name}, at first"), |b| {
+            b.iter(|| verifier.verify(black_box(&forged)).is_err())
+        });
+        let mut sender = Authenticator::new(keys, Content::Frame);
+        sender.write(0, &content, &mut frame);
+        assert!(verifier.verify(&frame).is_ok());
+        group.bench_function(name, |b| b.iter(|| verifier.verify(black_box(&forged)).is_err()));
+    }
+    group.finish();
+}
+
 /// Reading a prior's file, checks and identity included.
 fn load(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("load");
@@ -164,5 +198,5 @@ fn load(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, render, code, preprocess, load);
+criterion_group!(benches, render, code, preprocess, keys, load);
 criterion_main!(benches);

@@ -21,7 +21,8 @@
  *
  * The next part has a status in words (nvsp_status_text) and the details of a failure (nvsp_last_error). The other
  * parts are for those who need them: versions, frames that are coded beside your own work, lens and mask, how far a
- * picture is from what the camera saw (nvsp_decoder_get_truth), and both ends of a link (sender, collector).
+ * picture is from what the camera saw (nvsp_decoder_get_truth), both ends of a link (sender, collector), and keys
+ * against strangers (nvsp_keys).
  * nvsprior_extra.h has what few need: a Vulkan device of yours, DMA-BUFs, an allocator, a list of devices, counts of
  * the link.
  *
@@ -36,7 +37,7 @@
  *   must start it again.
  * Failures. The comment of a function names the statuses that are its own. Besides, a call may fail with
  *   NVSP_ERR_NULL (see Parameters), NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION (see Structures), NVSP_ERR_POISONED
- *   (see Status), and on an encoder, a decoder, a sender or a collector with NVSP_ERR_BUSY (see Threads).
+ *   (see Status), and on a handle for one thread at a time with NVSP_ERR_BUSY (see Threads).
  * Ownership. nvsp_..._create and nvsp_prior_open give you a handle; nvsp_..._destroy ends it. You may destroy handles
  *   in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read or written only
  *   during the call. Texts that a call returns are static.
@@ -44,8 +45,8 @@
  *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it. A handle has no line: it
  *   must be a live one, and not NULL, except that nvsp_..._destroy takes NULL.
  * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
- *   decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle
- *   while it is destroyed, or afterwards.
+ *   decoder, a sender, a collector, an authenticator or a verifier: a second one gets NVSP_ERR_BUSY and does no harm.
+ *   No thread may use a handle while it is destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
@@ -904,6 +905,12 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // An update of the prior is damaged, or does not stand on those before. In nvsp_decoded.damage: the update that the
 // frame is drawn with has not come.
 #define NVSP_ERR_UPDATE -30
+
+// No key that is held has made the tag: of a stranger or of another epoch, or damaged.
+#define NVSP_ERR_FOREIGN -31
+
+// It has the right tag, and comes a second time.
+#define NVSP_ERR_REPLAYED -32
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 //
@@ -1766,6 +1773,40 @@ typedef struct nvsp_sender nvsp_sender;
 
 #define NVSP_MTU_1024 1024
 
+// Bytes of a key.
+#define NVSP_KEY_BYTES 32
+
+// Keys that both sides hold, for nvsp_sender_options.keys, nvsp_collector_options.keys, nvsp_authenticator and
+// nvsp_verifier. What goes to the other side gets 2 bytes of number and a tag in front. What comes without the right
+// tag, or a second time, is refused before anything else of it is read. Example:
+//
+//     nvsp_keys keys = NVSP_INITIALIZER(nvsp_keys);
+//     keys.keys = key; // 32 random bytes
+//     keys.count = 1;
+//     keys.epoch = dive;
+//     options.keys = &keys;
+typedef struct nvsp_keys {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // `count` keys of NVSP_KEY_BYTES bytes each, one after the other. Tags are made by the first, and checked by all.
+  // The library copies them, and erases its copies when they are not needed any more.
+  const uint8_t *keys;
+  // Number of keys, 1 to 4.
+  uint32_t count;
+  // Bytes of a tag, 2 to 16. Both sides need the same. 0: 4.
+  uint32_t tag_bytes;
+  // Both sides need the same, and nothing of another epoch passes: count the dives, for example.
+  uint64_t epoch;
+  // Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
+  // with nvsp_sender_statistics.next_number, nvsp_collector_statistics.next_number: numbers that the other side has
+  // taken are refused.
+  uint64_t number;
+  // Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
+  // epoch gives what nvsp_collector_statistics.taken, nvsp_sender_statistics.taken told. Without it, what came
+  // before may pass once more until something newer has come. 0: none.
+  uint64_t taken[4];
+} nvsp_keys;
+
 // A link, and what its pictures should be.
 typedef struct nvsp_sender_options {
   uint32_t struct_size;
@@ -1809,6 +1850,9 @@ typedef struct nvsp_sender_options {
   uint32_t update_memory;
   // Zero.
   uint32_t reserved;
+  // Each modem frame gets a number and a tag by these keys, and reports need one, too. They take nvsp_keys.tag_bytes
+  // and 2 bytes of each modem frame. Read during nvsp_sender_create. NULL: none.
+  const struct nvsp_keys *keys;
 } nvsp_sender_options;
 
 // How a packet was divided.
@@ -1865,7 +1909,8 @@ typedef struct nvsp_processed_report {
 // NVSP_ERR_MEMORY.
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31. Both sides need the same.
+// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31; with keys from as many more as they
+//   take. Both sides need the same.
 // - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 // - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
 NVSP_CHECKED
@@ -1947,7 +1992,8 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
 //     }
 //
 // Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
-// (the sender was made without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
+// (the sender was made without NVSP_SENDER_EXPECT_REPORTS); with keys NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. Nothing
+// changes then.
 //
 // Parameters:
 // - `now`: when the report came, seconds.
@@ -2048,6 +2094,9 @@ typedef struct nvsp_collector_options {
   uint32_t update_bytes;
   // Zero.
   uint32_t reserved;
+  // Only modem frames that a sender has made with one of these keys are taken, and none a second time. Reports get a
+  // tag by the first. Read during the call. NULL: none, and whatever comes is taken.
+  const struct nvsp_keys *keys;
 } nvsp_collector_options;
 
 // The packet is complete.
@@ -2131,7 +2180,8 @@ nvsp_status nvsp_collector_create(uint32_t mtu,
 // Allocates nothing.
 //
 // Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
-// that is not taken, or is one of more shares than there is room for. What came before is not lost then.
+// that is not taken, or is one of more shares than there is room for. With keys, NVSP_ERR_FOREIGN or
+// NVSP_ERR_REPLAYED: nothing of it is read then. What came before is not lost.
 //
 // Parameters:
 // - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
@@ -2273,6 +2323,105 @@ nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
 
 // Ends a collector; NULL is allowed.
 void nvsp_collector_destroy(struct nvsp_collector *collector);
+
+// ---- Keys against strangers ----
+
+// What a tag is for: a modem frame from the vehicle.
+#define NVSP_CONTENT_FRAME 0
+
+// A report from the topside.
+#define NVSP_CONTENT_REPORT 1
+
+// A packet that does not go over a modem.
+#define NVSP_CONTENT_PACKET 2
+
+// An update that does not go over a modem.
+#define NVSP_CONTENT_UPDATE 3
+
+// Puts numbers and tags in front of what goes another way than through an nvsp_sender, such as packets in files. One
+// thread at a time may use it.
+typedef struct nvsp_authenticator nvsp_authenticator;
+
+// Checks what an nvsp_authenticator has made. One thread at a time may use it. Example:
+//
+//     if (nvsp_verify(verifier, bytes, size, &offset) == NVSP_OK)
+//         status = nvsp_decode(decoder, bytes + offset, size - offset, 0, &picture, NULL);
+typedef struct nvsp_verifier nvsp_verifier;
+
+// Makes an authenticator.
+//
+// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+//
+// Parameters:
+// - `keys`: set up by NVSP_INIT. Read during the call. Not NULL.
+// - `content`: NVSP_CONTENT_*.
+// - `authenticator`: receives the authenticator, which nvsp_authenticator_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_authenticator_create(const struct nvsp_keys *keys,
+                                      uint32_t content,
+                                      struct nvsp_authenticator **authenticator) NVSP_NONNULL(1, 3);
+
+// Writes a number, a tag and the content behind them. Allocates nothing.
+//
+// Fails with NVSP_ERR_ARGUMENT (the stream) or NVSP_ERR_BUFFER_TOO_SMALL. No number is used then.
+//
+// Parameters:
+// - `stream`: the stream that it is for, 0 to 3.
+// - `content`: what goes to the other side. Read during the call. Not NULL.
+// - `size`: bytes of it.
+// - `bytes`: receives number, tag and content. Yours, of `room` bytes; not where the content stands. Not NULL.
+// - `room`: bytes of `bytes`; `size`, nvsp_keys.tag_bytes and 2 suffice.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_authenticate(struct nvsp_authenticator *authenticator,
+                              uint32_t stream,
+                              const uint8_t *content,
+                              size_t size,
+                              uint8_t *bytes,
+                              size_t room,
+                              size_t *written) NVSP_NONNULL(1, 3, 5, 7);
+
+// Tells the number of what an authenticator makes next: nvsp_keys.number of a side that starts again.
+//
+// Parameters:
+// - `number`: receives the number. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_authenticator_next_number(struct nvsp_authenticator *authenticator,
+                                           uint64_t *number) NVSP_NONNULL(1, 2);
+
+// Ends an authenticator; NULL is allowed.
+void nvsp_authenticator_destroy(struct nvsp_authenticator *authenticator);
+
+// Makes a verifier.
+//
+// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+//
+// Parameters:
+// - `keys`: set up by NVSP_INIT. Read during the call. Not NULL.
+// - `content`: NVSP_CONTENT_*, as the authenticator's.
+// - `verifier`: receives the verifier, which nvsp_verifier_destroy ends. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_verifier_create(const struct nvsp_keys *keys,
+                                 uint32_t content,
+                                 struct nvsp_verifier **verifier) NVSP_NONNULL(1, 3);
+
+// Checks number and tag of what came. Each thing passes once, in about the order in which it was made: one that is 64
+// numbers behind counts as replayed. Allocates nothing.
+//
+// Fails with NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED.
+//
+// Parameters:
+// - `bytes`: what came. Read during the call. Not NULL.
+// - `size`: bytes of it.
+// - `offset`: receives where the content begins; it goes on to the end. Not NULL.
+NVSP_CHECKED
+nvsp_status nvsp_verify(struct nvsp_verifier *verifier,
+                        const uint8_t *bytes,
+                        size_t size,
+                        size_t *offset) NVSP_NONNULL(1, 2, 4);
+
+// Ends a verifier; NULL is allowed.
+void nvsp_verifier_destroy(struct nvsp_verifier *verifier);
 
 #ifdef __cplusplus
 } /* extern "C" */

@@ -238,6 +238,14 @@ typedef struct nvsp_sender_statistics {
   double bit_rate;
   // Shares that were sent again.
   uint64_t resent;
+  // With keys: reports that no key has made.
+  uint64_t foreign;
+  // With keys: reports that came a second time.
+  uint64_t replayed;
+  // With keys: the number of the next modem frame. Else 0. See nvsp_keys.number.
+  uint64_t next_number;
+  // With keys: of each stream, the number above all of the reports that came. See nvsp_keys.taken.
+  uint64_t taken[4];
 } nvsp_sender_statistics;
 
 // Copies the counts of a sender.
@@ -277,6 +285,14 @@ typedef struct nvsp_collector_statistics {
   uint64_t damaged;
   // Shares of unprotected packets that now wait for the first one of their packet.
   uint64_t waiting;
+  // With keys: modem frames that no key has made. They count nowhere else.
+  uint64_t foreign;
+  // With keys: modem frames that came a second time. They count nowhere else.
+  uint64_t replayed;
+  // With keys: the number of the next report. Else 0. See nvsp_keys.number.
+  uint64_t next_number;
+  // With keys: of each stream, the number above all of the modem frames that came. See nvsp_keys.taken.
+  uint64_t taken[4];
 } nvsp_collector_statistics;
 
 // Copies the counts of a collector.

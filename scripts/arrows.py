@@ -21,7 +21,7 @@ import tempfile
 # From low to high. A room knows only rooms of the lines above its own; rooms of one line do not know each other.
 # A room is a folder or a file of src/; the longest name that fits a file is its room.
 ROOMS = """
-random geometry queue range_coder
+random geometry keys queue range_coder
 adaptive_numbers
 image
 vulkan

@@ -19,7 +19,8 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding lens_and_mask pipelined decoding truth blocks threads unprotected updates shares"
+programs="structs nulls images encoding lens_and_mask pipelined decoding truth blocks threads unprotected keys updates"
+programs="$programs shares"
 programs="$programs garbage given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
@@ -196,7 +197,7 @@ sanitizers() {
 #
 # These are the programs that encode few frames; they take minutes. `memcheck_all` takes half an hour.
 memcheck() {
-    check_memory structs nulls decoding unprotected updates shares garbage
+    check_memory structs nulls decoding unprotected keys updates shares garbage
 }
 
 memcheck_all() {

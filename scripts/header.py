@@ -26,6 +26,7 @@ HEADERS = {
         "How far a picture is from what the camera saw": "truth",
         "The vehicle's end of a link": "sender",
         "The topside's end of a link": "collector",
+        "Keys against strangers": "keys",
     },
     "nvsprior_extra": {
         "A Vulkan device of yours": "vulkan",
@@ -37,7 +38,7 @@ HEADERS = {
     },
 }
 # Handles: many threads may use one of the first kind at once, one thread at a time one of the second.
-SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector)"
+SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector|authenticator|verifier)"
 ITEM = re.compile(r'^pub (?:unsafe )?(?:extern "C" )?(const|type|struct|fn) (\w+)', re.M)
 
 

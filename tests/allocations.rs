@@ -6,9 +6,9 @@ mod scene;
 use std::alloc::System;
 
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
+use nvsprior::keys::{Key, Keys};
 use nvsprior::modem::{
-    Collector, CollectorOptions, Loss, Protection, RateControlOptions, Report, Sender,
-    SenderOptions,
+    Collector, CollectorOptions, Loss, Protection, RateControlOptions, Sender, SenderOptions,
 };
 use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
 use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
@@ -76,8 +76,9 @@ fn packet(frame: u32) -> Vec<u8> {
     Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
-/// Sends packets over a link that loses every third share; heap calls of it.
-fn heap_calls_of_link(packets: &[Vec<u8>], protection: Protection) -> usize {
+/// Sends packets over a link that loses every third share, and brings what comes a second time, and damaged; heap calls
+/// of it.
+fn heap_calls_of_link(packets: &[Vec<u8>], protection: Protection, keys: Option<&Keys>) -> usize {
     let user = (protection == Protection::Layers).then_some(&b"user"[..]);
     let control = RateControlOptions {
         bit_rate: 20_000.0,
@@ -94,8 +95,14 @@ fn heap_calls_of_link(packets: &[Vec<u8>], protection: Protection) -> usize {
     };
     let options =
         SenderOptions { control, stream: 0, protection, expect_reports: true, updates: None };
-    let mut sender = Sender::new(options).unwrap();
-    let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
+    let (mut sender, mut collector) = match keys {
+        None => (Sender::new(options), Collector::new(CollectorOptions::new(64))),
+        Some(keys) => (
+            Sender::with_keys(options, keys),
+            Collector::with_keys(CollectorOptions::new(64), keys),
+        ),
+    };
+    let (sender, collector) = (sender.as_mut().unwrap(), collector.as_mut().unwrap());
     let region = Region::new(ALLOCATOR);
     let (mut shares, mut seen) = (0, 0);
     for (k, packet) in packets.iter().enumerate() {
@@ -107,14 +114,20 @@ fn heap_calls_of_link(packets: &[Vec<u8>], protection: Protection) -> usize {
             shares += 1;
             if shares % 3 != 0 {
                 let _ = collector.push(now, share);
+                let mut damaged = [0; 64];
+                damaged[..share.len()].copy_from_slice(share);
+                let _ = collector.push(now, &damaged[..share.len()]);
+                damaged[5] ^= 1;
+                let _ = collector.push(now, &damaged[..share.len()]);
             }
         }
         if k % 5 == 4
             && let Some(report) = collector.report(0, |_| false).unwrap()
         {
             let mut bytes = [0; 200];
-            let len = report.write(None, &mut bytes).unwrap();
-            sender.process_report(now, &Report::read(&bytes[..len]).unwrap().0).unwrap();
+            let len = collector.write_report(&report, None, &mut bytes).unwrap();
+            let (report, _) = sender.read_report(&bytes[..len]).unwrap();
+            sender.process_report(now, &report).unwrap();
         }
         seen += usize::from(collector.newest(0).is_some_and(|packet| packet.arrived > 0));
     }
@@ -136,9 +149,12 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
     drop(vec![0u8; 100]);
     assert_eq!(calls(&region), 2, "the counter counts");
     let packets: Vec<_> = (0..200).map(packet).collect();
+    let keys = Keys::new([1, 2].map(|byte| Key::new([byte; 32]))).unwrap();
     for protection in [Protection::Layers, Protection::None] {
-        let calls = heap_calls_of_link(&packets, protection);
-        assert_eq!(calls, 0, "{protection:?}, from the first packet on");
+        for keys in [None, Some(&keys)] {
+            let calls = heap_calls_of_link(&packets, protection, keys);
+            assert_eq!(calls, 0, "{protection:?}, {keys:?}, from the first packet on");
+        }
     }
     for rate in [None, Some(Rate::Quality(60.0)), Some(Rate::Bytes(300)), Some(Rate::Psnr(36.0))] {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };

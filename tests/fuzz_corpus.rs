@@ -3,6 +3,8 @@
 
 #[path = "../fuzz/src/compact.rs"]
 mod compact;
+#[path = "../fuzz/src/keyed.rs"]
+mod keyed;
 #[path = "../fuzz/src/packed.rs"]
 mod packed;
 #[path = "../fuzz/src/packet.rs"]
@@ -88,6 +90,11 @@ fn shares_of_packets() {
 #[test]
 fn pieces_of_updates() {
     run("pieces", pieces::run);
+}
+
+#[test]
+fn keyed_frames() {
+    run("keyed", keyed::run);
 }
 
 #[test]

@@ -18,6 +18,8 @@ pub struct Budget {
     pub loss: Loss,
     /// Bytes for all shares.
     pub bytes: u32,
+    /// Bytes of each modem frame for number and tag. `mtu` has none of them, and `overhead` has them all.
+    pub tag: u32,
 }
 
 /// Makes the meta known. Again does nothing.
@@ -29,7 +31,7 @@ pub fn register() {
 
 impl Budget {
     /// The budget of a rate control for one packet.
-    pub fn of(control: &RateControl, bytes: usize) -> Budget {
+    pub fn of(control: &RateControl, bytes: usize, tag: u32) -> Budget {
         let options = control.options();
         Budget {
             bit_rate: options.bit_rate,
@@ -39,6 +41,7 @@ impl Budget {
             spread: options.spread,
             loss: options.loss,
             bytes: u32::try_from(bytes).unwrap_or(u32::MAX),
+            tag,
         }
     }
 
@@ -77,6 +80,7 @@ impl Budget {
         structure.set("loss", self.loss.chance);
         structure.set("burst", self.loss.burst);
         structure.set("bytes", self.bytes);
+        structure.set("tag", self.tag);
         Ok(())
     }
 
@@ -94,6 +98,7 @@ impl Budget {
             spread: number("spread")?,
             loss: Loss { chance: number("loss")?, burst: number("burst")? },
             bytes: count("bytes")?,
+            tag: count("tag")?,
         })
     }
 
@@ -151,6 +156,7 @@ mod tests {
         spread: 0.5,
         loss: Loss { chance: 0.1, burst: 2.0 },
         bytes: 200,
+        tag: 0,
     };
 
     #[test]
@@ -181,7 +187,7 @@ mod tests {
             user: None,
         });
         let control = control.unwrap();
-        let own = Budget::of(&control, 200);
+        let own = Budget::of(&control, 200, 0);
         assert_eq!(own, BUDGET);
         assert_eq!(own.divide(19, 150), control.divide(200, 19, 150));
         let sharing = own.divide(19, 150).unwrap();

@@ -21,6 +21,7 @@ mod dive_file;
 mod element;
 mod encoder;
 mod held_prior;
+mod keys;
 mod lock;
 mod payloader;
 mod playout;

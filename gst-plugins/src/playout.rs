@@ -7,9 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use nvsprior::modem::{
-    Collected, Collector, CollectorOptions, CollectorStatistics, ModemError, Report,
-};
+use nvsprior::keys::Keys;
+use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistics, ModemError};
 use nvsprior::prior::StateId;
 
 /// How packets are put together.
@@ -82,16 +81,21 @@ pub struct Playout {
 }
 
 impl Playout {
-    pub fn new(options: PlayoutOptions) -> Result<Playout, ModemError> {
+    /// `keys`: those of the vehicle.
+    pub fn new(options: PlayoutOptions, keys: Option<&Keys>) -> Result<Playout, ModemError> {
         let stale = options.frame_rate.map_or(f64::INFINITY, |rate| STALE / rate);
-        let collector = Collector::new(CollectorOptions {
+        let collect = CollectorOptions {
             shares: options.shares,
             packets: PACKETS,
             streams: usize::from(options.stream) + 1,
             age: (options.latency + KEPT).min(stale),
             update_bytes: UPDATE_BYTES,
             ..CollectorOptions::new(options.mtu)
-        })?;
+        };
+        let collector = match keys {
+            Some(keys) => Collector::with_keys(collect, keys)?,
+            None => Collector::new(collect)?,
+        };
         Ok(Playout {
             options,
             collector,
@@ -125,18 +129,25 @@ impl Playout {
         self.collector.settle_update(self.options.stream, added);
     }
 
-    /// What the vehicle is to know: what came of packets, and the updates that the topside holds, newest first.
-    /// `None`: no packet has come yet.
+    /// What the vehicle is to know, as a modem frame: what came of packets, and the updates that the topside holds,
+    /// newest first. `None`: no packet has come yet.
     pub fn report(
-        &self,
+        &mut self,
         states: impl Iterator<Item = (u16, StateId)>,
-    ) -> Result<Option<Report>, ModemError> {
+    ) -> Result<Option<Vec<u8>>, ModemError> {
         // Which frames were decoded in full is not known here.
-        let mut report = self.collector.report(self.options.stream, |_| false)?;
-        if let Some(report) = &mut report {
-            report.tell_states(states);
-        }
-        Ok(report)
+        let report = self.collector.report(self.options.stream, |_| false)?;
+        let Some(mut report) = report else { return Ok(None) };
+        report.tell_states(states);
+        let mut bytes = vec![0; self.options.mtu];
+        let len = self.collector.write_report(&report, None, &mut bytes)?;
+        bytes.truncate(len);
+        Ok(Some(bytes))
+    }
+
+    /// With keys: the number of the next report.
+    pub fn next_number(&self) -> Option<u64> {
+        self.collector.next_number()
     }
 
     /// Packets that came only after a later one had gone on, or after their time.

@@ -2,9 +2,11 @@
 
 use std::ptr::null_mut;
 
+use crate::keys::Keys;
 use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
 use super::handle::{Handle, fence};
+use super::keys::{keys_of, nvsp_keys};
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
@@ -51,8 +53,11 @@ pub struct nvsp_collector_options {
     pub update_bytes: u32,
     /// Zero.
     pub reserved: u32,
+    /// Only modem frames that a sender has made with one of these keys are taken, and none a second time. Reports get a
+    /// tag by the first. Read during the call. NULL: none, and whatever comes is taken.
+    pub keys: In<nvsp_keys>,
 }
-versioned!(nvsp_collector_options, 32, 40);
+versioned!(nvsp_collector_options, 32, 48);
 
 /// The packet is complete.
 pub const NVSP_EVENT_COMPLETE: u32 = 1;
@@ -121,6 +126,13 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
     })
 }
 
+fn memory_of(options: &CollectorOptions, keys: Option<&Keys>) -> Result<u64, Failure> {
+    Ok(match keys {
+        Some(keys) => options.memory_with_keys(keys)?,
+        None => options.memory()?,
+    } as u64)
+}
+
 /// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT.
@@ -137,8 +149,8 @@ pub extern "C" fn nvsp_collector_memory(
 ) -> nvsp_status {
     fence(|| {
         let bytes = bytes.required("bytes")?;
-        let options = options_of(mtu, &options.read()?)?;
-        bytes.write(options.memory()? as u64);
+        let given = options.read()?;
+        bytes.write(memory_of(&options_of(mtu, &given)?, keys_of(given.keys)?.as_ref())?);
         Ok(NVSP_OK)
     })
 }
@@ -160,9 +172,15 @@ pub extern "C" fn nvsp_collector_create(
 ) -> nvsp_status {
     fence(|| {
         let collector = collector.required("collector")?;
-        let options = options_of(mtu, &options.read()?)?;
-        let _memory = Grant::take("a collector", options.memory()? as u64 + SMALL, u64::MAX)?;
-        collector.write(Handle::boxed(Collector::new(options)?, Log::new(None, null_mut())));
+        let given = options.read()?;
+        let (options, keys) = (options_of(mtu, &given)?, keys_of(given.keys)?);
+        let memory = memory_of(&options, keys.as_ref())?;
+        let _memory = Grant::take("a collector", memory + SMALL, u64::MAX)?;
+        let made = match &keys {
+            Some(keys) => Collector::with_keys(options, keys)?,
+            None => Collector::new(options)?,
+        };
+        collector.write(Handle::boxed(made, Log::new(None, null_mut())));
         Ok(NVSP_OK)
     })
 }
@@ -171,7 +189,8 @@ pub extern "C" fn nvsp_collector_create(
 /// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
-/// that is not taken, or is one of more shares than there is room for. What came before is not lost then.
+/// that is not taken, or is one of more shares than there is room for. With keys, NVSP_ERR_FOREIGN or
+/// NVSP_ERR_REPLAYED: nothing of it is read then. What came before is not lost.
 ///
 /// # Safety
 /// - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
@@ -430,7 +449,7 @@ pub unsafe extern "C" fn nvsp_collector_report(
         let number_of = |k: u32| unsafe { *kept.add(k as usize) };
         let is_kept = |frame: u32| (0..kept_count).any(|k| number_of(k) as u16 == frame as u16);
         let Some(found) = content.report(stream, is_kept)? else { return Ok(NVSP_PENDING) };
-        written.write(found.write(user, into)?);
+        written.write(content.write_report(&found, user, into)?);
         Ok(NVSP_OK)
     })
 }

@@ -17,6 +17,7 @@ mod engine;
 mod frame;
 mod handle;
 mod image;
+mod keys;
 mod learning;
 mod lens;
 mod limits;

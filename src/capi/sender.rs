@@ -8,6 +8,7 @@ use crate::modem::{
 };
 
 use super::handle::Handle;
+use super::keys::{keys_of, nvsp_keys};
 use super::limits::SMALL;
 use super::log::Log;
 use super::memory::Grant;
@@ -110,8 +111,11 @@ pub struct nvsp_sender_options {
     pub update_memory: u32,
     /// Zero.
     pub reserved: u32,
+    /// Each modem frame gets a number and a tag by these keys, and reports need one, too. They take nvsp_keys.tag_bytes
+    /// and 2 bytes of each modem frame. Read during nvsp_sender_create. NULL: none.
+    pub keys: In<nvsp_keys>,
 }
-versioned!(nvsp_sender_options, 88, 104);
+versioned!(nvsp_sender_options, 88, 112);
 
 /// How a packet was divided.
 #[repr(C)]
@@ -240,7 +244,8 @@ fn loss_of(chance: f64, burst: f64) -> Loss {
 /// NVSP_ERR_MEMORY.
 ///
 /// # Parameters
-/// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31. Both sides need the same.
+/// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31; with keys from as many more as they
+///   take. Both sides need the same.
 /// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 /// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
@@ -251,9 +256,18 @@ pub extern "C" fn nvsp_sender_create(
 ) -> nvsp_status {
     super::handle::fence(|| {
         let sender = sender.required("sender")?;
-        let options = options_of(mtu, &options.required()?)?;
-        let _memory = Grant::take("a sender", options.memory()? as u64 + SMALL, u64::MAX)?;
-        sender.write(Handle::boxed(Sender::new(options)?, Log::new(None, null_mut())));
+        let given = options.required()?;
+        let (options, keys) = (options_of(mtu, &given)?, keys_of(given.keys)?);
+        let memory = match &keys {
+            Some(keys) => options.memory_with_keys(keys)?,
+            None => options.memory()?,
+        };
+        let _memory = Grant::take("a sender", memory as u64 + SMALL, u64::MAX)?;
+        let made = match &keys {
+            Some(keys) => Sender::with_keys(options, keys)?,
+            None => Sender::new(options)?,
+        };
+        sender.write(Handle::boxed(made, Log::new(None, null_mut())));
         Ok(NVSP_OK)
     })
 }
@@ -371,7 +385,8 @@ pub unsafe extern "C" fn nvsp_sender_next(
 /// ```
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
-/// (the sender was made without NVSP_SENDER_EXPECT_REPORTS). Nothing changes then.
+/// (the sender was made without NVSP_SENDER_EXPECT_REPORTS); with keys NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. Nothing
+/// changes then.
 ///
 /// # Safety
 /// - `now`: when the report came, seconds.
@@ -390,7 +405,7 @@ pub unsafe extern "C" fn nvsp_sender_process_report(
         let out = processed.required()?;
         // SAFETY: `size` bytes stand at `report`, see `# Safety`.
         let bytes = unsafe { slice(report, size, "report")? };
-        let (report, user) = Report::read(bytes)?;
+        let (report, user) = content.read_report(bytes)?;
         let processed = content.process_report(now, &report)?;
         out.write(&processed_of(&report, &processed, bytes, user));
         Ok(NVSP_OK)

@@ -119,11 +119,20 @@ impl Room<'_> {
         Ok(())
     }
 
+    /// Has so many bytes written, and writes how many they are; if they do not fit, only how many.
+    pub(super) fn fill(
+        &mut self,
+        len: usize,
+        write: impl FnOnce(&mut [u8]),
+    ) -> Result<(), Failure> {
+        self.check(len)?;
+        write(&mut self.bytes[..len]);
+        self.written.write(len);
+        Ok(())
+    }
+
     /// Writes the bytes and how many they are; if they do not fit, only how many.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<(), Failure> {
-        self.check(bytes.len())?;
-        self.bytes[..bytes.len()].copy_from_slice(bytes);
-        self.written.write(bytes.len());
-        Ok(())
+        self.fill(bytes.len(), |into| into.copy_from_slice(bytes))
     }
 }

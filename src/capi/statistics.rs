@@ -1,6 +1,7 @@
 //! Counts of both ends of a link.
 
 use super::collector::nvsp_collector;
+use super::keys::taken_of;
 use super::sender::nvsp_sender;
 use super::status::*;
 use super::structs::{Out, versioned, zeroed};
@@ -31,8 +32,16 @@ pub struct nvsp_sender_statistics {
     pub bit_rate: f64,
     /// Shares that were sent again.
     pub resent: u64,
+    /// With keys: reports that no key has made.
+    pub foreign: u64,
+    /// With keys: reports that came a second time.
+    pub replayed: u64,
+    /// With keys: the number of the next modem frame. Else 0. See nvsp_keys.number.
+    pub next_number: u64,
+    /// With keys: of each stream, the number above all of the reports that came. See nvsp_keys.taken.
+    pub taken: [u64; 4],
 }
-versioned!(nvsp_sender_statistics, 88);
+versioned!(nvsp_sender_statistics, 88, 144);
 
 /// Copies the counts of a sender.
 ///
@@ -56,6 +65,10 @@ pub extern "C" fn nvsp_sender_get_statistics(
             burst: control.loss.burst,
             bit_rate: control.bit_rate,
             resent: counts.resent,
+            foreign: counts.foreign,
+            replayed: counts.replayed,
+            next_number: content.next_number().unwrap_or(0),
+            taken: taken_of(content.seen()),
             ..zeroed()
         });
         Ok(NVSP_OK)
@@ -93,8 +106,16 @@ pub struct nvsp_collector_statistics {
     pub damaged: u64,
     /// Shares of unprotected packets that now wait for the first one of their packet.
     pub waiting: u64,
+    /// With keys: modem frames that no key has made. They count nowhere else.
+    pub foreign: u64,
+    /// With keys: modem frames that came a second time. They count nowhere else.
+    pub replayed: u64,
+    /// With keys: the number of the next report. Else 0. See nvsp_keys.number.
+    pub next_number: u64,
+    /// With keys: of each stream, the number above all of the modem frames that came. See nvsp_keys.taken.
+    pub taken: [u64; 4],
 }
-versioned!(nvsp_collector_statistics, 96);
+versioned!(nvsp_collector_statistics, 96, 152);
 
 /// Copies the counts of a collector.
 ///
@@ -119,6 +140,10 @@ pub extern "C" fn nvsp_collector_get_statistics(
             lost: counts.lost,
             damaged: counts.damaged,
             waiting: counts.waiting,
+            foreign: counts.foreign,
+            replayed: counts.replayed,
+            next_number: content.next_number().unwrap_or(0),
+            taken: taken_of(content.seen()),
             ..zeroed()
         });
         Ok(NVSP_OK)

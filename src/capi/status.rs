@@ -3,6 +3,7 @@
 use std::ffi::{CStr, c_char};
 
 use crate::image::PixelError;
+use crate::keys::{KeyError, Refusal};
 use crate::modem::ModemError;
 use crate::packet::PacketError;
 use crate::prior::{PriorError, UpdateError};
@@ -86,6 +87,10 @@ pub const NVSP_ERR_REFERENCE: nvsp_status = -29;
 /// An update of the prior is damaged, or does not stand on those before. In nvsp_decoded.damage: the update that the
 /// frame is drawn with has not come.
 pub const NVSP_ERR_UPDATE: nvsp_status = -30;
+/// No key that is held has made the tag: of a stranger or of another epoch, or damaged.
+pub const NVSP_ERR_FOREIGN: nvsp_status = -31;
+/// It has the right tag, and comes a second time.
+pub const NVSP_ERR_REPLAYED: nvsp_status = -32;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -130,6 +135,8 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_NEWER => c"of a newer format than this library knows",
         NVSP_ERR_UNSUPPORTED => c"not supported here",
         NVSP_ERR_REFERENCE => c"the reference frame of a difference picture is missing",
+        NVSP_ERR_FOREIGN => c"no key that is held has made it",
+        NVSP_ERR_REPLAYED => c"it comes a second time",
         _ => c"no status of this library",
     }
 }
@@ -160,6 +167,12 @@ pub(super) enum Failure {
     /// An error of sending or collecting.
     #[error(transparent)]
     Modem(#[from] ModemError),
+    /// Keys that cannot be used.
+    #[error(transparent)]
+    Keys(#[from] KeyError),
+    /// Not the other side's.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
 }
 
 impl Failure {
@@ -183,6 +196,8 @@ impl Failure {
             Failure::Modifier(_) => NVSP_ERR_UNSUPPORTED,
             Failure::Library(error) => of_library(error),
             Failure::Modem(error) => of_modem(error),
+            Failure::Keys(_) => NVSP_ERR_ARGUMENT,
+            Failure::Refused(refusal) => of_refusal(*refusal),
         }
     }
 }
@@ -263,10 +278,18 @@ fn of_queue(error: QueueError) -> nvsp_status {
     }
 }
 
+fn of_refusal(refusal: Refusal) -> nvsp_status {
+    match refusal {
+        Refusal::Foreign => NVSP_ERR_FOREIGN,
+        Refusal::Replayed => NVSP_ERR_REPLAYED,
+    }
+}
+
 fn of_modem(error: &ModemError) -> nvsp_status {
     use ModemError as E;
     match error {
         E::Memory(_) => NVSP_ERR_MEMORY,
+        E::Key(refusal) => of_refusal(*refusal),
         E::Packet(PacketError::Version(_)) => NVSP_ERR_NEWER,
         E::Loss(..)
         | E::RateControl { .. }
@@ -323,7 +346,7 @@ mod tests {
     use super::*;
 
     /// The last one there is.
-    const LAST: nvsp_status = NVSP_ERR_REFERENCE;
+    const LAST: nvsp_status = NVSP_ERR_REPLAYED;
 
     #[test]
     fn every_status_has_a_text_of_its_own() {

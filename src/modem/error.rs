@@ -1,5 +1,6 @@
 //! Why a packet cannot be sent, or a modem frame not be taken.
 
+use crate::keys::Refusal;
 use crate::packet::PacketError;
 use crate::prior::StateId;
 
@@ -13,6 +14,10 @@ pub enum ModemError {
     Mtu(usize),
     #[error(transparent)]
     Packet(#[from] PacketError),
+    #[error(transparent)]
+    Key(#[from] Refusal),
+    #[error("MTU of {mtu} bytes: with these keys it must be {needed} or more")]
+    KeyedMtu { mtu: usize, needed: usize },
     #[error("packet of {found} bytes: it states a length of {stated}")]
     PacketLength { found: usize, stated: usize },
     #[error("packet of {len} bytes: its checks match only the first {valid}")]

@@ -59,6 +59,15 @@
 //! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
 //! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.
 //!
+//! # Keys
+//!
+//! With [keys](crate::keys) each modem frame has a number and a tag in front: [`Sender::with_keys`] and
+//! [`Collector::with_keys`]. The collector reads nothing of a frame before its tag is right. What a stranger sends, and
+//! what comes a second time, is counted and does no more. The MTU is then the smaller by [`Keys::overhead`]. A modem
+//! may fill up such frames with zeros, not with other bytes.
+//!
+//! [`Keys::overhead`]: crate::keys::Keys::overhead
+//!
 //! # Updates
 //!
 //! An [update](crate::prior::Update) of the prior travels beside the packets, in *pieces*: one modem frame each. It is

@@ -232,7 +232,41 @@ static void links(void) {
     CHECK(pose.rotation[0] == 0 && place.needed == 0);
 }
 
+static void keys_of_both(void) {
+    const uint8_t key[NVSP_KEY_BYTES] = {1};
+    nvsp_keys keys = NVSP_INITIALIZER(nvsp_keys);
+    nvsp_authenticator *authenticator = NULL;
+    nvsp_verifier *verifier = NULL;
+    keys.keys = key;
+    keys.count = 1;
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticator_create(NULL, NVSP_CONTENT_FRAME, &authenticator));
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticator_create(&keys, NVSP_CONTENT_FRAME, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_verifier_create(NULL, NVSP_CONTENT_FRAME, &verifier));
+    EXPECT(NVSP_ERR_NULL, nvsp_verifier_create(&keys, NVSP_CONTENT_FRAME, NULL));
+    CHECK(authenticator == NULL && verifier == NULL);
+    MUST(nvsp_authenticator_create(&keys, NVSP_CONTENT_FRAME, &authenticator));
+    MUST(nvsp_verifier_create(&keys, NVSP_CONTENT_FRAME, &verifier));
+    uint8_t bytes[64];
+    size_t written = 77;
+    uint64_t number = 77;
+    memset(bytes, 0xa5, sizeof bytes);
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticate(NULL, 0, key, 5, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticate(authenticator, 0, NULL, 5, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticate(authenticator, 0, key, 5, NULL, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticate(authenticator, 0, key, 5, bytes, sizeof bytes, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticator_next_number(NULL, &number));
+    EXPECT(NVSP_ERR_NULL, nvsp_authenticator_next_number(authenticator, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_verify(NULL, bytes, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_verify(verifier, NULL, sizeof bytes, &written));
+    EXPECT(NVSP_ERR_NULL, nvsp_verify(verifier, bytes, sizeof bytes, NULL));
+    CHECK(written == 77 && number == 77 && all_are(bytes, 0xa5, sizeof bytes));
+    nvsp_authenticator_destroy(authenticator);
+    nvsp_verifier_destroy(verifier);
+}
+
 static void no_handles(void) {
+    nvsp_authenticator_destroy(NULL);
+    nvsp_verifier_destroy(NULL);
     nvsp_engine_destroy(NULL);
     nvsp_prior_destroy(NULL);
     nvsp_encoder_destroy(NULL);
@@ -257,6 +291,7 @@ int main(int argc, char **argv) {
     encoders();
     decoders();
     links();
+    keys_of_both();
     no_handles();
     return tear_down();
 }

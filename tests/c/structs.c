@@ -223,9 +223,9 @@ static const struct {
     {sizeof(nvsp_collected), collected, 1, 0},
     {sizeof(nvsp_collected), collected_newest, 1, 0},
     {sizeof(nvsp_collected), collected_fetch, 1, 0},
-    {sizeof(nvsp_collector_statistics), collector_statistics, 1, 0},
+    {sizeof(nvsp_collector_statistics), collector_statistics, 1, 96},
     {sizeof(nvsp_division), division, 1, 0},
-    {sizeof(nvsp_sender_statistics), sender_statistics, 1, 0},
+    {sizeof(nvsp_sender_statistics), sender_statistics, 1, 88},
     {sizeof(nvsp_processed_report), processed_report, 1, 0},
 };
 
@@ -302,6 +302,7 @@ static nvsp_picture picture;
 static nvsp_lens lens;
 static nvsp_mask mask;
 static nvsp_sender_options sender_options;
+static nvsp_keys keys;
 
 static nvsp_status camera_in(void *structure) { return nvsp_decoder_add_camera(both.decoder, structure); }
 
@@ -330,6 +331,14 @@ static nvsp_status lens_in(void *structure) {
 static nvsp_status mask_in(void *structure) {
     const nvsp_status status = nvsp_encoder_set_mask(both.encoder, structure);
     MUST(nvsp_encoder_set_mask(both.encoder, NULL));
+    return status;
+}
+
+static nvsp_status keys_in(void *structure) {
+    nvsp_verifier *made = NULL;
+    const nvsp_status status = nvsp_verifier_create(structure, NVSP_CONTENT_FRAME, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    nvsp_verifier_destroy(made);
     return status;
 }
 
@@ -364,6 +373,8 @@ static void others(void) {
                        .height = camera.height, .fx = 78, .fy = 78, .cx = 48, .cy = 27};
     mask = (nvsp_mask){NVSP_HEAD(nvsp_mask), .width = camera.width, .height = camera.height, .pixels = pixels,
                        .stride = camera.width, .size = dive.size};
+    static const uint8_t key[NVSP_KEY_BYTES] = {1};
+    keys = (nvsp_keys){NVSP_HEAD(nvsp_keys), .keys = key, .count = 1};
     sender_options = (nvsp_sender_options){NVSP_HEAD(nvsp_sender_options), .bit_rate = 5000, .frame_rate = 5};
     MUST(nvsp_decode(both.decoder, first.bytes, first.size, 0, NULL, NULL));
     const struct {
@@ -380,6 +391,7 @@ static void others(void) {
         {&lens, sizeof lens, lens_in, 0},
         {&mask, sizeof mask, mask_in, 0},
         {&sender_options, sizeof sender_options, sender_options_in, 88},
+        {&keys, sizeof keys, keys_in, 0},
         {&pose, sizeof pose, draw_pose, 0},
         {&picture, sizeof picture, draw_picture, 0},
         {&pose, sizeof pose, between_poses, 0},

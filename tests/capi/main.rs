@@ -30,6 +30,7 @@ macro_rules! programs {
 programs! {
     structs: [];
     nulls: [];
+    keys: [];
     images: [];
     encoding: [];
     lens_and_mask: [];

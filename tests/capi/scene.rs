@@ -27,11 +27,10 @@ pub fn folder() -> &'static Path {
     })
 }
 
-/// Writes `prior.ply`, `prior.nvsg`, `prior.nvsb`, `other.ply` with three key frames beside it, `frame-0.ppm` and so on;
-/// `update-1.nvsu` and `update-2.nvsu`, a chain of updates of the prior;
-/// `preprocessed.ply`, the same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and
-/// `scene.txt`: one line with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose
-/// (qw,qx,qy,qz,tx,ty,tz).
+/// Writes `prior.ply`, `prior.nvsg`, `prior.nvsb`, `other.ply` with three key frames beside it, `frame-0.ppm` and so
+/// on; `update-1.nvsu` and `update-2.nvsu`, a chain of updates of the prior; `preprocessed.ply`, the same prior with a
+/// preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and `scene.txt`: one line with the camera
+/// (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let prior = wall::wall(1);

@@ -70,6 +70,11 @@ fn shared(packet: &[u8], how: &Protected) -> Vec<Vec<u8>> {
     sharer.shares().map(<[u8]>::to_vec).collect()
 }
 
+/// Shares as those of most vectors.
+pub fn usual(packet: &[u8]) -> Vec<Vec<u8>> {
+    shared(packet, &USUAL)
+}
+
 fn coded(dive: &Dive, t: u32, quality: f32) -> Vec<u8> {
     dive.coded(dive.short(&CAMERA, t), None, t, &How::at(Rate::Quality(quality)))
 }
@@ -254,7 +259,8 @@ fn updates(dive: &Dive) -> Vec<Vector> {
     vec![link("pieces", "pieces of updates, some lost, one damaged", kind(64, 1, 64), frames)]
 }
 
-fn reports() -> Vec<Vector> {
+/// Reports without user bytes and with them, of updates, and of poses.
+pub fn some_reports() -> Vec<Vec<u8>> {
     let of = |state, arrived| ReportedPacket { state, arrived, ..Default::default() };
     let part = ReportedPacket {
         shares: ArrivedShares::new(9, [0, 8].into_iter()),
@@ -275,16 +281,22 @@ fn reports() -> Vec<Vector> {
     let states = written(&full, Some(b""));
     full.tell_poses(|frame| frame % 3 == 1);
     let poses = written(&full, Some(b"all"));
+    vec![plain, user, states, poses]
+}
+
+fn reports() -> Vec<Vector> {
+    let all = some_reports();
+    let [plain, user, states, poses] = &all[..] else { panic!("four reports") };
     let padded = [&plain[..], &[0; 12]].concat();
     let cut = |bytes: &[u8], by| bytes[..bytes.len() - by].to_vec();
     let bad = vec![
-        damaged(&plain, 3),
-        cut(&plain, 1),
-        cut(&user, 4),
+        damaged(plain, 3),
+        cut(plain, 1),
+        cut(user, 4),
         vec![],
         vec![0x08, 1, 2, 3],
-        damaged(&states, 12),
-        damaged(&poses, poses.len() - 1),
+        damaged(states, 12),
+        damaged(poses, poses.len() - 1),
         vec![0x04, 0, 0, 33],
     ];
     let of = |name: &str, description, records| Vector {
@@ -292,7 +304,7 @@ fn reports() -> Vec<Vector> {
         ..Vector::packets(name, description, records)
     };
     vec![
-        of("reports", "reports", vec![plain, user, states, poses, padded]),
+        of("reports", "reports", [all, vec![padded]].concat()),
         of("reports-bad", "damaged reports; the last but one only lacks the poses", bad),
     ]
 }

@@ -6,6 +6,7 @@ mod common;
 
 mod bad;
 mod dive;
+mod keyed;
 mod links;
 mod packets;
 mod results;
@@ -23,7 +24,7 @@ use serde_json::{Value, json};
 
 use common::{assert_silent, engine};
 use dive::{odd_prior, own_tables, prior};
-use vector::{Kind, Vector};
+use vector::{Kind, Vector, VectorKeys};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vectors")
@@ -80,6 +81,7 @@ fn renew() {
         streams::vectors(&prior),
         states::vectors(&prior),
         links::vectors(&prior),
+        keyed::vectors(&prior),
         bad::vectors(&prior),
     ]
     .into_iter()
@@ -150,9 +152,19 @@ fn read(entry: &Value) -> Vector {
         }
     };
     let cameras = entry["cameras"].as_array().into_iter().flatten().map(camera).collect();
+    let bytes_of = |text: &str| -> [u8; 32] {
+        let digit = |at: usize| u8::from_str_radix(&text[2 * at..2 * at + 2], 16).unwrap();
+        std::array::from_fn(digit)
+    };
+    let keys = entry["keys"].as_array().map(|keys| VectorKeys {
+        keys: keys.iter().map(|key| bytes_of(key.as_str().unwrap())).collect(),
+        tag_bytes: number("tag"),
+        epoch: text("epoch").parse().unwrap(),
+    });
     Vector {
         kind,
         cameras,
+        keys,
         frames: links::FRAMES,
         name: text("name"),
         ..Vector::packets("", "", records)

@@ -1,8 +1,10 @@
 //! What the library makes of a vector's records, as the manifest states it.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use md5::{Digest, Md5};
+use nvsprior::keys::{Content, Refusal, Verifier};
 use nvsprior::modem::{Collector, CollectorOptions, ModemError, Report};
 use nvsprior::packet::{PacketError, Part};
 use nvsprior::prior::{PriorError, UpdateError};
@@ -41,16 +43,48 @@ pub fn of(vector: &Vector, prior: &Prior) -> Outcome {
     match &vector.kind {
         Kind::Packets { trust } => {
             let mut decoder = decoder(vector, &scene(prior));
+            let mut taken = BTreeSet::new();
             for record in &vector.records {
-                let value = decode(&mut decoder, record, *trust, &mut outcome.pictures);
+                let value = match content(vector, record, &mut taken) {
+                    Ok(record) => decode(&mut decoder, record, *trust, &mut outcome.pictures),
+                    Err(refusal) => json!({ "refused": of_refusal(refusal) }),
+                };
                 outcome.records.push(value);
             }
         }
         Kind::Link { options, mtu } => link(vector, prior, options, *mtu, &mut outcome),
-        Kind::Reports => outcome.records = vector.records.iter().map(|r| report(r)).collect(),
+        Kind::Reports => {
+            let mut verifier =
+                vector.keys.as_ref().map(|keys| Verifier::new(&keys.keys(), Content::Report));
+            let of = |record: &Vec<u8>| match verifier.as_mut().map(|by| by.verify(record)) {
+                None => report(record),
+                Some(Ok(verified)) => report(verified.content),
+                Some(Err(refusal)) => json!({ "refused": of_refusal(refusal) }),
+            };
+            outcome.records = vector.records.iter().map(of).collect();
+        }
         Kind::Priors => outcome.records = vector.records.iter().map(|r| read_prior(r)).collect(),
     }
     outcome
+}
+
+/// A packet in a file without its tag. With keys each number of a key is taken once, in any order.
+fn content<'a>(
+    vector: &Vector,
+    record: &'a [u8],
+    taken: &mut BTreeSet<(u32, u64)>,
+) -> Result<&'a [u8], Refusal> {
+    let Some(keys) = &vector.keys else { return Ok(record) };
+    let verified = Verifier::new(&keys.keys(), Content::Packet).verify(record)?;
+    let is_new = taken.insert((verified.key.0, verified.number));
+    if is_new { Ok(verified.content) } else { Err(Refusal::Replayed) }
+}
+
+fn of_refusal(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::Foreign => "foreign",
+        Refusal::Replayed => "replayed",
+    }
 }
 
 fn scene(prior: &Prior) -> Arc<Scene> {
@@ -125,7 +159,12 @@ fn link(
     mtu: usize,
     outcome: &mut Outcome,
 ) {
-    let mut collector = Collector::new(CollectorOptions { mtu, ..*options }).unwrap();
+    let options = CollectorOptions { mtu, ..*options };
+    let collector = match &vector.keys {
+        Some(keys) => Collector::with_keys(options, &keys.keys()),
+        None => Collector::new(options),
+    };
+    let mut collector = collector.unwrap();
     let mut decoder = decoder(vector, &scene(prior));
     for record in &vector.records {
         outcome.records.push(match collector.push(0.0, record) {
@@ -237,6 +276,7 @@ fn of_update(error: &UpdateError) -> &'static str {
 
 fn of_modem(error: &ModemError) -> &'static str {
     match error {
+        ModemError::Key(refusal) => of_refusal(*refusal),
         ModemError::NotAFrame(_) | ModemError::Packet(PacketError::Magic(_)) => "not-a-frame",
         ModemError::Cut { .. } => "cut",
         ModemError::ShareCheck | ModemError::ReportCheck => "check",

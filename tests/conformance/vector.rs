@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
+use nvsprior::keys::{Key, Keys};
 use nvsprior::modem::CollectorOptions;
 use nvsprior::{Camera, Trust};
 use serde_json::{Value, json};
 
-use crate::results::{Outcome, md5};
+use crate::results::{Outcome, hex, md5};
 
 /// What a vector's records are.
 #[derive(Clone)]
@@ -25,6 +26,21 @@ pub enum Kind {
     Priors,
 }
 
+/// The keys that a vector's records are checked by.
+#[derive(Clone)]
+pub struct VectorKeys {
+    pub keys: Vec<[u8; 32]>,
+    pub tag_bytes: usize,
+    pub epoch: u64,
+}
+
+impl VectorKeys {
+    pub fn keys(&self) -> Keys {
+        let keys = Keys::new(self.keys.iter().map(|key| Key::new(*key))).unwrap();
+        keys.with_tag_bytes(self.tag_bytes).unwrap().with_epoch(self.epoch)
+    }
+}
+
 /// One vector.
 pub struct Vector {
     pub name: String,
@@ -37,6 +53,7 @@ pub struct Vector {
     /// Of a link: the frame numbers that may come out.
     pub frames: Range<u32>,
     pub needs: &'static [&'static str],
+    pub keys: Option<VectorKeys>,
     pub records: Vec<Vec<u8>>,
 }
 
@@ -50,6 +67,7 @@ impl Vector {
             cameras: Vec::new(),
             frames: 0..0,
             needs: &[],
+            keys: None,
             records,
         }
     }
@@ -90,6 +108,12 @@ impl Vector {
         }
         if !self.needs.is_empty() {
             entry["needs"] = json!(self.needs);
+        }
+        if let Some(VectorKeys { keys, tag_bytes, epoch }) = &self.keys {
+            entry["keys"] = keys.iter().map(|key| hex(key)).collect();
+            entry["tag"] = json!(tag_bytes);
+            // Numbers of JSON have 53 bits.
+            entry["epoch"] = json!(epoch.to_string());
         }
         entry
     }

@@ -14,6 +14,7 @@ use gst::subclass::prelude::*;
 
 use crate::caps;
 use crate::element::{add_pads, log_category, pad, registry};
+use crate::keys::{KeySettings, key_properties};
 use crate::lock::lock;
 use crate::playout::{Played, Playout, PlayoutOptions};
 use crate::stats::properties_with_stats;
@@ -21,18 +22,19 @@ use crate::update_event::UpdateName;
 
 log_category!("nvspdepay", "nvsprior depayloader");
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Settings {
     mtu: u32,
     shares: u32,
     stream: u32,
     /// Milliseconds.
     latency: u32,
+    keys: KeySettings,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { mtu: 1500, shares: 64, stream: 0, latency: 1500 }
+        Settings { mtu: 1500, shares: 64, stream: 0, latency: 1500, keys: KeySettings::default() }
     }
 }
 
@@ -86,6 +88,16 @@ pub struct Depayloader {
     #[property(name = "latency", get = Self::latency, set = Self::set_latency, type = u32, mutable_playing,
         default_value = 1500,
         blurb = "Milliseconds for which a packet waits for its shares; after them what came of it goes on")]
+    #[property(name = "key-file", get = Self::key_file, set = Self::set_key_file, type = Option<String>, mutable_ready,
+        blurb = "File with the key of nvsppay, as nvsprior key makes it: other datagrams are counted and not used")]
+    #[property(name = "epoch", get = Self::epoch, set = Self::set_epoch, type = u64, mutable_ready,
+        blurb = "Number of the dive, as for nvsppay, with key-file")]
+    #[property(name = "tag-bytes", get = Self::tag_bytes, set = Self::set_tag_bytes, type = u32, mutable_ready,
+        default_value = 4, minimum = 2, maximum = 16,
+        blurb = "Bytes of a tag, as for nvsppay, with key-file")]
+    #[property(name = "first-number", get = Self::first_number, set = Self::set_first_number, type = u64, mutable_ready,
+        maximum = (1 << 48) - 1,
+        blurb = "Number of the first report, with key-file: next-number of stats, if an epoch goes on")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
@@ -97,6 +109,8 @@ pub struct Depayloader {
 }
 
 impl Depayloader {
+    key_properties!();
+
     fn latency(&self) -> u32 {
         lock(&self.settings).latency
     }
@@ -112,10 +126,12 @@ impl Depayloader {
     }
 
     fn stats(&self) -> gst::Structure {
-        let (shares, late) = {
+        let (shares, late, next_number) = {
             let state = lock(&self.state);
             let playout = state.playout.as_ref();
-            (playout.map(Playout::statistics).unwrap_or_default(), playout.map_or(0, Playout::late))
+            let shares = playout.map(Playout::statistics).unwrap_or_default();
+            let next_number = playout.and_then(Playout::next_number);
+            (shares, playout.map_or(0, Playout::late), next_number.unwrap_or(0))
         };
         let counts = lock(&self.counts);
         let mut stats = gst::Structure::builder("nvspdepay-stats")
@@ -130,6 +146,9 @@ impl Depayloader {
             .field("lost", shares.lost)
             .field("damaged", shares.damaged)
             .field("updates", counts.updates)
+            .field("foreign", shares.foreign)
+            .field("replayed", shares.replayed)
+            .field("next-number", next_number)
             .build();
         if shares.sent > 0 {
             stats.set("loss", 1.0 - shares.arrived as f64 / shares.sent as f64);
@@ -164,7 +183,10 @@ impl Depayloader {
     }
 
     fn playout(&self, state: &State) -> Result<Playout, gst::ErrorMessage> {
-        let settings = *lock(&self.settings);
+        let settings = lock(&self.settings).clone();
+        let keys = settings.keys.open();
+        let keys =
+            keys.map_err(|error| gst::error_msg!(gst::ResourceError::OpenRead, ("{error}")))?;
         let options = PlayoutOptions {
             mtu: settings.mtu as usize,
             shares: settings.shares as usize,
@@ -172,7 +194,7 @@ impl Depayloader {
             latency: f64::from(settings.latency) / 1e3,
             frame_rate: state.frame_rate.map(caps::per_second),
         };
-        Playout::new(options)
+        Playout::new(options, keys.as_ref())
             .map_err(|error| gst::error_msg!(gst::LibraryError::Settings, ("{error}")))
     }
 

@@ -128,6 +128,8 @@ pub struct Encoder {
         blurb = "With rate=link: most bytes of a modem frame or datagram")]
     #[property(name = "overhead", get, set, type = u32, member = overhead, mutable_ready, maximum = 65535,
         blurb = "With rate=link: what each modem frame or datagram takes beside its bytes, as bytes")]
+    #[property(name = "tag-bytes", get, set, type = u32, member = tag_bytes, mutable_ready, maximum = 16,
+        blurb = "With rate=link: bytes of a tag, as of nvsppay, if that has a key-file; 0: it has none")]
     #[property(name = "latency", get, set, type = u32, member = latency, mutable_ready, default_value = 1500,
         minimum = 1,
         blurb = "With rate=link: longest time from the exposure of a frame to the end of its packet's last share, \

@@ -242,7 +242,7 @@ impl Frames {
                 // A packet that tells the camera takes more, for once.
                 let bytes = bytes + self.encoder.extra_bytes();
                 self.encoder.set_rate(Some(Rate::Bytes(bytes)));
-                Ok(Ok(Budget::of(control, budget)))
+                Ok(Ok(Budget::of(control, budget, settings.tag())))
             }
             Err(error) => Ok(Err(Taken::TooSmall(error))),
         }

@@ -95,6 +95,8 @@ pub struct Settings {
     pub bit_rate: u32,
     pub mtu: u32,
     pub overhead: u32,
+    /// Of nvsppay, if it has keys; 0: it has none.
+    pub tag_bytes: u32,
     /// Milliseconds.
     pub latency: u32,
     /// Milliseconds.
@@ -114,6 +116,8 @@ pub struct Settings {
     pub post_messages: bool,
 }
 
+/// Bytes of a modem frame's number, in front of its tag.
+const NUMBER_BYTES: u32 = 2;
 /// Pictures per second at most, if neither the properties nor the caps say it.
 const FRAME_RATE: f64 = 30.0;
 
@@ -145,6 +149,7 @@ impl Default for Settings {
             bit_rate: 5000,
             mtu: 64,
             overhead: 0,
+            tag_bytes: 0,
             latency: 1500,
             delay: 100,
             spread: -1,
@@ -218,13 +223,19 @@ impl Settings {
         }
     }
 
+    /// Bytes of each modem frame for number and tag.
+    pub fn tag(&self) -> u32 {
+        if self.tag_bytes == 0 { 0 } else { self.tag_bytes + NUMBER_BYTES }
+    }
+
     /// How the rate control is made, for a camera's frames per second.
     pub fn rate_control(&self, camera: Option<f64>) -> RateControlOptions {
         let camera = camera.unwrap_or(FRAME_RATE);
         RateControlOptions {
             bit_rate: f64::from(self.bit_rate),
-            mtu: self.mtu as usize,
-            overhead: self.overhead as usize,
+            // An MTU without room for tags has none for shares: the rate control says so.
+            mtu: self.mtu.saturating_sub(self.tag()) as usize,
+            overhead: (self.overhead + self.tag()) as usize,
             latency: f64::from(self.latency) / 1e3,
             delay: f64::from(self.delay) / 1e3,
             spread: self.spread(),

@@ -9,12 +9,14 @@ use gst::glib::subclass::Signal;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
+use nvsprior::keys::{Authenticator, Content, Verifier};
 use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer, UpdateOptions};
 use nvsprior::packet::Extent;
 
 use crate::budget::Budget;
 use crate::caps;
 use crate::element::{add_pads, log_category, pad, registry};
+use crate::keys::{KeyFileError, KeySettings, key_properties};
 use crate::lock::lock;
 use crate::stats::properties_with_stats;
 use crate::update_event::SentUpdate;
@@ -38,6 +40,7 @@ struct Settings {
     burst: f64,
     update_share: f64,
     expect_reports: bool,
+    keys: KeySettings,
 }
 
 impl Default for Settings {
@@ -54,22 +57,48 @@ impl Default for Settings {
             burst: 1.0,
             update_share: UpdateOptions::default().share,
             expect_reports: false,
+            keys: KeySettings::default(),
         }
     }
 }
 
+/// Why a packet is left out.
+#[derive(Debug, thiserror::Error)]
+enum Refused {
+    #[error(transparent)]
+    Modem(#[from] ModemError),
+    #[error(
+        "properties mtu, tag-bytes: {mtu} bytes of a modem frame have no room for {tag} of number and tag"
+    )]
+    NoRoom { mtu: u32, tag: u32 },
+    #[error(
+        "nvspenc has planned {planned} bytes of each modem frame for number and tag, and they take {taken}: its \
+         tag-bytes must be that of nvsppay, or 0 without a key-file"
+    )]
+    Planned { planned: u32, taken: u32 },
+}
+
+/// What makes tags, and checks those of reports.
+struct Keyed {
+    authenticator: Authenticator,
+    verifier: Verifier,
+}
+
 impl Settings {
     /// For packets that come without a budget.
-    fn budget(&self) -> Budget {
-        Budget {
+    /// `tag`: bytes of number and tag.
+    fn budget(&self, tag: u32) -> Result<Budget, Refused> {
+        let no_room = Refused::NoRoom { mtu: self.mtu, tag };
+        Ok(Budget {
             bit_rate: f64::from(self.bit_rate),
-            mtu: self.mtu,
-            overhead: self.overhead,
+            mtu: self.mtu.checked_sub(tag).ok_or(no_room)?,
+            overhead: self.overhead + tag,
+            tag,
             shares: self.shares,
             spread: f64::from(self.spread) / 1e3,
             loss: Loss { chance: self.loss, burst: self.burst },
             bytes: self.budget,
-        }
+        })
     }
 
     /// What updates get of the link that a packet goes over.
@@ -92,6 +121,8 @@ struct State {
     sharer: Sharer,
     interleaver: Option<Interleaver>,
     pieces: Pieces,
+    /// `None`: there are no keys.
+    keyed: Option<Keyed>,
     /// The time of the last packet, seconds.
     now: f64,
     /// Seconds from a packet's first share to its last one.
@@ -116,6 +147,8 @@ struct Counts {
     updates: u64,
     pieces: u64,
     piece_bytes: u64,
+    foreign: u64,
+    replayed: u64,
 }
 
 #[derive(glib::Properties)]
@@ -155,6 +188,16 @@ pub struct Payloader {
         blurb = "Part of the bit rate that an update of the prior gets while it is sent")]
     #[property(name = "expect-reports", get, set, type = bool, member = expect_reports, mutable_ready,
         blurb = "The topside's reports will be given by the signal report: an update counts as held once one says so")]
+    #[property(name = "key-file", get = Self::key_file, set = Self::set_key_file, type = Option<String>, mutable_ready,
+        blurb = "File with a key, as nvsprior key makes it: modem frames get a tag, and reports need one")]
+    #[property(name = "epoch", get = Self::epoch, set = Self::set_epoch, type = u64, mutable_ready,
+        blurb = "Number of the dive, with key-file: nothing of another one passes")]
+    #[property(name = "tag-bytes", get = Self::tag_bytes, set = Self::set_tag_bytes, type = u32, mutable_ready,
+        default_value = 4, minimum = 2, maximum = 16,
+        blurb = "Bytes of a tag, with key-file; 2 more are a number")]
+    #[property(name = "first-number", get = Self::first_number, set = Self::set_first_number, type = u64, mutable_ready,
+        maximum = (1 << 48) - 1,
+        blurb = "Number of the first modem frame, with key-file: next-number of stats, if an epoch goes on")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
@@ -168,7 +211,11 @@ const CATCH_UP: f64 = 1.0;
 type DueShare = (f64, Vec<u8>);
 
 impl Payloader {
+    key_properties!();
+
     fn stats(&self) -> gst::Structure {
+        let next_number =
+            lock(&self.state).keyed.as_ref().map(|keyed| keyed.authenticator.next_number());
         let counts = lock(&self.counts);
         gst::Structure::builder("nvsppay-stats")
             .field("packets", counts.packets)
@@ -179,21 +226,28 @@ impl Payloader {
             .field("updates", counts.updates)
             .field("pieces", counts.pieces)
             .field("piece-bytes", counts.piece_bytes)
+            .field("foreign", counts.foreign)
+            .field("replayed", counts.replayed)
+            .field("next-number", next_number.unwrap_or(0))
             .build()
     }
 
     /// Makes shares of a packet. Returns those of the old spread that are left, if the spread is a new one.
-    fn share(&self, now: f64, buffer: &gst::BufferRef) -> Result<Vec<DueShare>, ModemError> {
+    fn share(&self, now: f64, buffer: &gst::BufferRef) -> Result<Vec<DueShare>, Refused> {
         let settings = lock(&self.settings).clone();
         let mut state = lock(&self.state);
         let mut cut = None;
         let mapped = buffer.map_readable();
         let packet = mapped.as_deref().unwrap_or(&[]);
-        let picture = Extent::read(packet)?.head;
+        let picture = Extent::read(packet).map_err(ModemError::from)?.head;
+        let tag = state.keyed.as_ref().map_or(0, |keyed| keyed.authenticator.overhead() as u32);
         let (budget, sharing) = match Budget::beside(buffer) {
+            Some(budget) if budget.tag != tag => {
+                return Err(Refused::Planned { planned: budget.tag, taken: tag });
+            }
             Some(budget) => (budget, budget.divide(picture, packet.len())?),
             None => {
-                let mut budget = settings.budget();
+                let mut budget = settings.budget(tag)?;
                 let sharing = match settings.budget {
                     0 => budget.fit(picture, packet.len())?,
                     _ => budget.divide(picture, packet.len())?,
@@ -241,12 +295,32 @@ impl Payloader {
 
     fn push(&self, shares: Vec<DueShare>) -> Result<gst::FlowSuccess, gst::FlowError> {
         for (due, share) in shares {
+            let share = self.authenticated(share);
             let mut buffer = gst::Buffer::from_slice(share);
             let pts = due.is_finite().then(|| gst::ClockTime::from_seconds_f64(due.max(0.0)));
             buffer.make_mut().set_pts(pts);
             self.src.push(buffer)?;
         }
         Ok(gst::FlowSuccess::Ok)
+    }
+
+    /// A modem frame with its tag, if there are keys.
+    fn authenticated(&self, frame: Vec<u8>) -> Vec<u8> {
+        let mut state = lock(&self.state);
+        let Some(keyed) = &mut state.keyed else { return frame };
+        let mut with_tag = Vec::with_capacity(frame.len() + keyed.authenticator.overhead());
+        keyed.authenticator.write(lock(&self.settings).stream as u8, &frame, &mut with_tag);
+        with_tag
+    }
+
+    /// Reads the key file anew, if there is one.
+    fn open_keys(&self) -> Result<Option<Keyed>, KeyFileError> {
+        let settings = lock(&self.settings).keys.clone();
+        let keys = settings.open()?;
+        Ok(keys.map(|keys| Keyed {
+            authenticator: Authenticator::new(&keys, Content::Frame),
+            verifier: Verifier::new(&keys, Content::Report),
+        }))
     }
 
     /// Pushes the shares and pieces that are due before `until`, seconds, now that it is `now`.
@@ -359,7 +433,9 @@ impl Payloader {
                 let mut state = lock(&self.state);
                 let mut pieces = std::mem::take(&mut state.pieces);
                 pieces.restart();
-                *state = State { pieces, ..State::default() };
+                // Numbers go on.
+                let keyed = state.keyed.take();
+                *state = State { pieces, keyed, ..State::default() };
                 drop(state);
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
             }
@@ -441,7 +517,11 @@ impl ElementImpl for Payloader {
         transition: gst::StateChange,
     ) -> Result<gst::StateChangeSuccess, gst::StateChangeError> {
         if transition == gst::StateChange::ReadyToPaused {
-            *lock(&self.state) = State::default();
+            let keyed = self.open_keys().map_err(|error| {
+                gst::element_imp_error!(self, gst::ResourceError::OpenRead, ("{error}"));
+                gst::StateChangeError
+            })?;
+            *lock(&self.state) = State { keyed, ..State::default() };
             *lock(&self.counts) = Counts::default();
         }
         self.parent_change_state(transition)

@@ -59,7 +59,7 @@ fn bring(playout: &mut Playout, now: f64, shares: &[Vec<u8>]) -> Vec<Played> {
 
 #[test]
 fn complete_packets_go_on_at_once_and_evenly() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     let mut times = Vec::new();
     for frame in 0..20u32 {
         // Shares come up to 0.3 s late, at random.
@@ -80,7 +80,7 @@ fn complete_packets_go_on_at_once_and_evenly() {
 
 #[test]
 fn a_packet_that_lacks_shares_goes_on_in_part_when_its_time_is_over() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     bring(&mut playout, WAY, &shares(0));
     // The next one has a picture, and no more.
     let some = &shares(1)[..2];
@@ -99,7 +99,7 @@ fn a_packet_that_lacks_shares_goes_on_in_part_when_its_time_is_over() {
 
 #[test]
 fn packets_of_which_too_little_came_are_left_out() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     bring(&mut playout, WAY, &shares(0));
     assert!(bring(&mut playout, taken(1) + WAY, &shares(1)[..1]).is_empty());
     assert!(bring(&mut playout, taken(3) + WAY, &shares(3)).is_empty(), "waits for 1");
@@ -113,7 +113,7 @@ fn packets_of_which_too_little_came_are_left_out() {
 
 #[test]
 fn shares_between_each_other_keep_the_order_of_frames() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     let all = [shares(0), shares(1), shares(2)];
     let mut played = Vec::new();
     // The last one comes first.
@@ -130,7 +130,7 @@ fn shares_between_each_other_keep_the_order_of_frames() {
 
 #[test]
 fn a_blackout_ends_with_the_next_packet() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     for frame in (0..30).chain(100..130) {
         let played = bring(&mut playout, taken(frame) + WAY, &shares(frame));
         assert_eq!(played.len(), 1, "{frame}");
@@ -140,7 +140,7 @@ fn a_blackout_ends_with_the_next_packet() {
 
 #[test]
 fn a_vehicle_that_starts_anew_is_followed() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     for frame in 0..200 {
         bring(&mut playout, taken(frame) + WAY, &shares(frame));
     }
@@ -156,7 +156,7 @@ fn a_vehicle_that_starts_anew_is_followed() {
 
 #[test]
 fn frame_numbers_are_counted_on() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     for frame in 65_530..65_542u32 {
         let played = bring(&mut playout, taken(frame), &shares(frame % 65_536));
         assert_eq!(played[0].frame, i64::from(frame));
@@ -166,7 +166,7 @@ fn frame_numbers_are_counted_on() {
 
 #[test]
 fn clocks_that_run_apart_are_followed() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     for frame in 0..4000 {
         // The vehicle's clock is 0.02 % slow.
         let now = 1.0002 * taken(frame);
@@ -177,7 +177,7 @@ fn clocks_that_run_apart_are_followed() {
 
 #[test]
 fn without_a_frame_rate_a_packet_has_the_time_of_its_first_share() {
-    let mut playout = Playout::new(PlayoutOptions { frame_rate: None, ..OPTIONS }).unwrap();
+    let mut playout = Playout::new(PlayoutOptions { frame_rate: None, ..OPTIONS }, None).unwrap();
     let of = shares(5);
     assert!(bring(&mut playout, 3.0, &of[..1]).is_empty());
     let played = bring(&mut playout, 3.2, &of[1..]);
@@ -186,7 +186,7 @@ fn without_a_frame_rate_a_packet_has_the_time_of_its_first_share() {
 
 #[test]
 fn other_frames_on_the_link_do_no_harm() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     for junk in [&[][..], &[0x40], &[0xFF; 64]] {
         assert!(playout.push(0.0, junk).is_err());
     }
@@ -197,7 +197,7 @@ fn other_frames_on_the_link_do_no_harm() {
 
 #[test]
 fn a_packet_without_protection_is_played() {
-    let mut playout = Playout::new(OPTIONS).unwrap();
+    let mut playout = Playout::new(OPTIONS, None).unwrap();
     let mut sharer = Sharer::default();
     sharer.split(&packet(3), OPTIONS.mtu).unwrap();
     let frames: Vec<_> = sharer.shares().map(<[u8]>::to_vec).collect();

@@ -21,7 +21,7 @@ pub enum Collected {
     Update(u8),
 }
 
-/// Counts since the start. Modem frames that came = accepted + duplicates + rejected + waiting.
+/// Counts since the start. Modem frames that came = accepted + duplicates + rejected + waiting + foreign + replayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CollectorStatistics {
     /// Shares that became part of a packet, pieces that became part of an update, and such that were surplus.
@@ -51,6 +51,10 @@ pub struct CollectorStatistics {
     pub damaged: u64,
     /// Updates that became whole.
     pub updates: u64,
+    /// Modem frames whose tag no key has made: see [`Collector::with_keys`](crate::modem::Collector::with_keys).
+    pub foreign: u64,
+    /// Modem frames that came a second time, with keys.
+    pub replayed: u64,
 }
 
 /// What has come of a packet.

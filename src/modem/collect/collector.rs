@@ -2,6 +2,7 @@
 
 use std::iter;
 
+use crate::keys::{Authenticator, Content, Keys, Refusal, Seen, Verifier};
 use crate::modem::error::ModemError;
 use crate::modem::limits::{MAX_MTU, MAX_UNPROTECTED, NUMBERS, STREAMS};
 use crate::modem::report::{MAX_REPORTED, Report, ReportedPacket};
@@ -90,6 +91,24 @@ impl CollectorOptions {
         Ok((packets + TAGS * waiting).saturating_add(updates))
     }
 
+    /// The same of a collector [with keys](Collector::with_keys).
+    ///
+    /// # Errors
+    /// As [`CollectorOptions::memory`], or if the MTU has no room for tags.
+    pub fn memory_with_keys(&self, keys: &Keys) -> Result<usize, ModemError> {
+        self.keyed(keys)?.memory()
+    }
+
+    /// For what stands behind the tags of modem frames.
+    fn keyed(mut self, keys: &Keys) -> Result<CollectorOptions, ModemError> {
+        let (mtu, needed) = (self.mtu, 1 + keys.overhead());
+        if mtu < needed {
+            return Err(ModemError::KeyedMtu { mtu, needed });
+        }
+        self.mtu -= keys.overhead();
+        Ok(self)
+    }
+
     /// Packets of a stream. A divisor of [`NUMBERS`], so that numbers find their places where they begin anew.
     fn slots(&self) -> usize {
         self.packets.next_power_of_two()
@@ -115,7 +134,14 @@ pub struct Collector {
     unprotected: Option<Unprotected>,
     /// By stream; none if no updates are taken.
     updates: Vec<Updates>,
+    keyed: Option<Keyed>,
     statistics: CollectorStatistics,
+}
+
+/// Checks the tags of modem frames, and makes those of reports.
+struct Keyed {
+    verifier: Verifier,
+    authenticator: Authenticator,
 }
 
 /// What unprotected packets need besides.
@@ -149,18 +175,34 @@ impl Collector {
         let updates = (0..update_streams).map(|_| Updates::new(options.update_bytes));
         let updates = updates.collect::<Result<_, _>>()?;
         let statistics = CollectorStatistics::default();
-        Ok(Collector { options, streams, unprotected, updates, statistics })
+        Ok(Collector { options, streams, unprotected, updates, keyed: None, statistics })
+    }
+
+    /// As [`Collector::new`]. Only modem frames that a [sender](crate::modem::Sender::with_keys) has made with one of
+    /// these keys are taken, and none a second time. Write reports with [`Collector::write_report`]. Allocates
+    /// [`CollectorOptions::memory_with_keys`].
+    ///
+    /// # Errors
+    /// As [`Collector::new`], or if the MTU has no room for tags.
+    pub fn with_keys(options: CollectorOptions, keys: &Keys) -> Result<Collector, ModemError> {
+        options.check()?;
+        let verifier = Verifier::new(keys, Content::Frame);
+        let authenticator = Authenticator::new(keys, Content::Report);
+        let keyed = Some(Keyed { verifier, authenticator });
+        Ok(Collector { keyed, ..Collector::new(options.keyed(keys)?)? })
     }
 
     /// Takes a modem frame that came at `now`, seconds on a clock that does not go back.
     ///
     /// # Errors
-    /// If it is no share, damaged, or too old, or if there is no room for its packet. All packets stay as they are.
-    /// Also if the time is not finite.
+    /// If it is no share, damaged, or too old, or if there is no room for its packet. With keys, if it is not the
+    /// vehicle's or came before: nothing of it is read then. All packets stay as they are. Also if the time is not
+    /// finite.
     pub fn push(&mut self, now: f64, frame: &[u8]) -> Result<Collected, ModemError> {
         if !now.is_finite() {
             return Err(ModemError::Time(now));
         }
+        let frame = self.verify(frame)?;
         let taken = self.take(now, &frame[..frame.len().min(self.options.mtu)]);
         match &taken {
             Err(_) => self.statistics.rejected += 1,
@@ -187,6 +229,22 @@ impl Collector {
                 Collected::Update(stream)
             }
         })
+    }
+
+    /// What stands behind the tag of a modem frame; without keys all of it.
+    fn verify<'a>(&mut self, frame: &'a [u8]) -> Result<&'a [u8], ModemError> {
+        let Some(keyed) = &mut self.keyed else { return Ok(frame) };
+        let mtu = self.options.mtu + keyed.verifier.overhead();
+        match keyed.verifier.verify(&frame[..frame.len().min(mtu)]) {
+            Ok(verified) => Ok(verified.content),
+            Err(refusal) => {
+                match refusal {
+                    Refusal::Foreign => self.statistics.foreign += 1,
+                    Refusal::Replayed => self.statistics.replayed += 1,
+                }
+                Err(refusal.into())
+            }
+        }
     }
 
     fn take(&mut self, now: f64, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
@@ -362,6 +420,43 @@ impl Collector {
         Ok(Some(report))
     }
 
+    /// Writes a report, as [`Report::write`] does, and puts a tag in front if there are keys. Returns its length.
+    /// `into` has as many bytes as a modem frame may have.
+    ///
+    /// # Errors
+    /// As [`Report::write`].
+    pub fn write_report(
+        &mut self,
+        report: &Report,
+        user: Option<&[u8]>,
+        into: &mut [u8],
+    ) -> Result<usize, ModemError> {
+        let Some(Keyed { authenticator, .. }) = &mut self.keyed else {
+            return report.write(user, into);
+        };
+        let (mtu, overhead) = (into.len(), authenticator.overhead());
+        let content = into.get_mut(overhead..).unwrap_or_default();
+        let len = overhead
+            + report.write(user, content).map_err(|error| match error {
+                ModemError::ReportMtu { needed, .. } => {
+                    ModemError::ReportMtu { mtu, needed: needed + overhead }
+                }
+                other => other,
+            })?;
+        authenticator.seal(report.stream(), &mut into[..len]);
+        Ok(len)
+    }
+
+    /// Number of the next report; `None`: there are no keys. See [`Keys::with_number`].
+    pub fn next_number(&self) -> Option<u64> {
+        Some(self.keyed.as_ref()?.authenticator.next_number())
+    }
+
+    /// The modem frames that were taken so far, with keys. See [`Keys::with_seen`].
+    pub fn seen(&self) -> impl Iterator<Item = Seen> + '_ {
+        self.keyed.iter().flat_map(|keyed| keyed.verifier.seen())
+    }
+
     /// A whole update of a stream that was not added yet: that which is due first. Give it to
     /// [`Decoder::add_update`](crate::Decoder::add_update), and say here what came of it; ask until there is none.
     pub fn update(&self, stream: u8) -> Option<&[u8]> {
@@ -395,7 +490,7 @@ impl Collector {
             + self.updates.iter().map(Updates::capacity).sum::<usize>()
     }
 
-    /// How it was made.
+    /// How it was made. With keys, the MTU is that of what stands behind a tag.
     pub fn options(&self) -> &CollectorOptions {
         &self.options
     }

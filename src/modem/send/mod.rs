@@ -4,6 +4,7 @@ pub mod cutting;
 pub mod division;
 pub mod history;
 pub mod interleaver;
+pub mod keyed;
 pub mod loss;
 pub mod rate_control;
 pub mod sender;

@@ -1,7 +1,8 @@
 //! The vehicle's end of a link: how many bytes a frame may take, its packet to shares, and when each share goes.
 
+use crate::keys::{Keys, Refusal, Seen};
 use crate::modem::error::ModemError;
-use crate::modem::limits::{MAX_SHARES, STREAMS};
+use crate::modem::limits::{MAX_SHARES, MIN_MTU, MIN_SHARE_MTU, STREAMS};
 use crate::modem::report::Report;
 use crate::modem::wire::share::MIN_LEN;
 use crate::packet::Extent;
@@ -9,6 +10,7 @@ use crate::packet::Extent;
 use super::division::Division;
 use super::history::History;
 use super::interleaver::Interleaver;
+use super::keyed::Keyed;
 use super::loss::Loss;
 use super::rate_control::{RateControl, RateControlOptions};
 use super::sharer::Sharer;
@@ -103,6 +105,30 @@ impl SenderOptions {
         let updates = self.updates.as_ref().map_or(0, updates);
         Ok(waiting.saturating_add(history).saturating_add(updates))
     }
+
+    /// The same of a sender [with keys](Sender::with_keys).
+    ///
+    /// # Errors
+    /// As [`SenderOptions::memory`], or if the MTU has no room for tags.
+    pub fn memory_with_keys(&self, keys: &Keys) -> Result<usize, ModemError> {
+        let memory = self.keyed(keys)?.memory()?;
+        Ok(memory.saturating_add(Keyed::memory(self.control.mtu)))
+    }
+
+    /// What is left of the link if each modem frame has a tag.
+    fn keyed(mut self, keys: &Keys) -> Result<SenderOptions, ModemError> {
+        let least = match self.protection {
+            Protection::None => MIN_MTU,
+            Protection::Layers => MIN_SHARE_MTU,
+        };
+        let (mtu, needed) = (self.control.mtu, least + keys.overhead());
+        if mtu < needed {
+            return Err(ModemError::KeyedMtu { mtu, needed });
+        }
+        self.control.mtu -= keys.overhead();
+        self.control.overhead = self.control.overhead.saturating_add(keys.overhead());
+        Ok(self)
+    }
 }
 
 /// What a share takes beside its own bytes: its places in the lists, and the heap's own.
@@ -131,6 +157,10 @@ pub struct SenderStatistics {
     pub pieces: u64,
     /// Bytes of these on the link, the overhead of each counted.
     pub piece_bytes: u64,
+    /// Reports whose tag no key has made: see [`Sender::with_keys`].
+    pub foreign: u64,
+    /// Reports that came a second time, with keys.
+    pub replayed: u64,
 }
 
 /// Takes a vehicle's packets, and yields the modem frames to send: rate control, [`Sharer`] and [`Interleaver`] in one.
@@ -194,6 +224,7 @@ pub struct Sender {
     last: Option<u32>,
     history: Option<History>,
     updates: Option<Updates>,
+    keyed: Option<Keyed>,
     statistics: SenderStatistics,
 }
 
@@ -271,10 +302,23 @@ impl Sender {
                 .updates
                 .map(|updates| Updates::new(updates, mtu, options.expect_reports))
                 .transpose()?,
+            keyed: None,
             statistics: SenderStatistics::default(),
             options,
             way,
         })
+    }
+
+    /// As [`Sender::new`]. Each modem frame gets a number and a tag by these keys, [`Keys::overhead`] bytes, which
+    /// pictures then do not get. Read reports with [`Sender::read_report`]. Allocates
+    /// [`SenderOptions::memory_with_keys`].
+    ///
+    /// # Errors
+    /// As [`Sender::new`], or if the MTU has no room for tags.
+    pub fn with_keys(options: SenderOptions, keys: &Keys) -> Result<Sender, ModemError> {
+        let mut sender = Sender::new(options.keyed(keys)?)?;
+        sender.keyed = Some(Keyed::new(keys, options.control.mtu)?);
+        Ok(sender)
     }
 
     /// Bytes for the packet of the frame exposed at `now`, seconds: encode it with [`Rate::Bytes`](crate::Rate::Bytes).
@@ -392,6 +436,38 @@ impl Sender {
         };
         self.told = told;
         Ok((division, exposed))
+    }
+
+    /// Reads a report for [`Sender::process_report`], and the user bytes that came with it. With keys only one that the
+    /// topside has made with them passes, and none a second time.
+    ///
+    /// # Errors
+    /// As [`Report::read`]. With keys, if the report is not the topside's.
+    pub fn read_report<'a>(
+        &mut self,
+        bytes: &'a [u8],
+    ) -> Result<(Report, Option<&'a [u8]>), ModemError> {
+        let Some(keyed) = &mut self.keyed else { return Report::read(bytes) };
+        match keyed.verifier.verify(bytes) {
+            Ok(verified) => Report::read(verified.content),
+            Err(refusal) => {
+                match refusal {
+                    Refusal::Foreign => self.statistics.foreign += 1,
+                    Refusal::Replayed => self.statistics.replayed += 1,
+                }
+                Err(refusal.into())
+            }
+        }
+    }
+
+    /// Number of the next modem frame; `None`: there are no keys. See [`Keys::with_number`].
+    pub fn next_number(&self) -> Option<u64> {
+        Some(self.keyed.as_ref()?.authenticator.next_number())
+    }
+
+    /// The reports that were taken so far, with keys. See [`Keys::with_seen`].
+    pub fn seen(&self) -> impl Iterator<Item = Seen> + '_ {
+        self.keyed.iter().flat_map(|keyed| keyed.verifier.seen())
     }
 
     /// Takes a report that came at `now`, seconds. The protection follows the loss that it tells, step by step. Shares
@@ -512,22 +588,28 @@ impl Sender {
     /// The next modem frame, if it is due at `now`: the time at which it was, and the frame. It is a share, or a piece
     /// of an update if no share is due. Those that could not be sent in time are due still.
     pub fn next(&mut self, now: f64) -> Option<(f64, &[u8])> {
-        if self.interleaver.next_len(now).is_some() {
-            return self.interleaver.next(now);
-        }
         let link = self.link();
-        let (due, piece) = self.updates.as_mut()?.give_piece(now, &link)?;
-        self.statistics.pieces += 1;
-        self.statistics.piece_bytes += piece.len().saturating_add(link.overhead) as u64;
-        Some((due, piece))
+        let Sender { interleaver, updates, keyed, statistics, .. } = self;
+        let (due, frame) = match interleaver.next_len(now) {
+            Some(_) => interleaver.next(now)?,
+            None => {
+                let (due, piece) = updates.as_mut()?.give_piece(now, &link)?;
+                statistics.pieces += 1;
+                statistics.piece_bytes += piece.len().saturating_add(link.overhead) as u64;
+                (due, piece)
+            }
+        };
+        Some((due, keyed.as_mut().map_or(frame, |keyed| keyed.authenticate(link.stream, frame))))
     }
 
     /// Bytes of the next modem frame, if it is due at `now`.
     pub fn next_len(&self, now: f64) -> Option<usize> {
-        self.interleaver.next_len(now).or_else(|| {
+        let share = self.interleaver.next_len(now);
+        let len = share.or_else(|| {
             let (due, len) = self.updates.as_ref()?.due(&self.link())?;
             (due <= now).then_some(len)
-        })
+        })?;
+        Some(len + self.keyed.as_ref().map_or(0, Keyed::overhead))
     }
 
     /// When the next modem frame is due, seconds. `None`: none waits.
@@ -542,7 +624,7 @@ impl Sender {
         self.interleaver.len()
     }
 
-    /// The shares of the packet that was taken last.
+    /// The shares of the packet that was taken last, without the tags that keys give them.
     pub fn shares(&self) -> &Sharer {
         &self.sharer
     }
@@ -577,7 +659,8 @@ impl Sender {
         self.way.control_mut().ok_or(ModemError::Unpaced)?.set_loss(loss)
     }
 
-    /// What the link is taken for, with rate and loss as they are now.
+    /// What the link is taken for, with rate and loss as they are now. With keys, MTU and overhead are those of what
+    /// stands behind a tag.
     pub fn options(&self) -> &RateControlOptions {
         self.way.control().map_or(&self.options.control, RateControl::options)
     }

@@ -7,13 +7,16 @@ mod updates;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use nvsprior::keys::{Content, Refusal};
 use nvsprior::packet::PacketError;
 use nvsprior::render::Scene;
 use nvsprior::{Decoded, Decoder, Error, Trust};
 
+use crate::keyed_files::FileReader;
 use doubt::DoubtFolder;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
+use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::{frame_file, values};
 use truth::TruthArgs;
 use updates::Updates;
@@ -61,15 +64,19 @@ pub struct Args {
     #[arg(long, value_name = "PIXELS", requires = "cameras")]
     width: Option<u32>,
     #[command(flatten)]
+    key: KeyArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    let keys = args.key.open()?;
     let packets = values::files(&args.packets, "nvsp", "packets")?;
     values::make_folder("--frames", &args.frames)?;
     args.truth.check()?;
     let engine = args.device.open()?;
-    let (scene, mut updates) = Updates::upload(args, &engine, &packets)?;
+    let (scene, mut updates) = Updates::upload(args, keys.as_ref(), &engine, &packets)?;
+    let mut reader = FileReader::new(keys.as_ref(), Content::Packet);
     let mut decoder = Decoder::new(&engine, &scene);
     decoder.set_filter(args.filter)?;
     if let Some(updates) = &mut updates {
@@ -89,8 +96,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut doubt = folder.transpose()?;
     let bar = progress(packets.len(), "decoding");
     let (mut failed, mut foreign, mut other, mut missing, mut filtered) = (0, 0, 0, 0, 0);
+    let mut strange = 0;
     for path in &packets {
-        match decode(&mut decoder, updates.as_mut(), doubt.as_mut(), path, args) {
+        let read = reader.read(path);
+        let decoded = read.and_then(|packet| {
+            decode(&mut decoder, updates.as_mut(), doubt.as_mut(), (path, &packet), args)
+        });
+        match decoded {
             Ok(decoded) => {
                 other += usize::from(decoded.same_render == Some(false));
                 missing += usize::from(decoded.missing_update.is_some());
@@ -102,6 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 }
                 failed += 1;
                 foreign += usize::from(is_foreign(&error));
+                strange += usize::from(error.is::<Refusal>());
             }
         }
         let taken = updates.as_mut().map_or(Ok(()), |updates| updates.after(&mut decoder, path));
@@ -119,6 +132,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     if foreign > 0 {
         eprintln!("{}", if_foreign(&scene));
+    }
+    if strange > 0 {
+        eprintln!(
+            "{strange} packets were refused by their tags: --key, --epoch and --tag must be as with `encode`"
+        );
     }
     println!("{} of {} packets decoded", packets.len() - failed, packets.len());
     if args.filter {
@@ -165,17 +183,16 @@ fn decode(
     decoder: &mut Decoder,
     updates: Option<&mut Updates>,
     doubt: Option<&mut DoubtFolder>,
-    path: &Path,
+    (path, packet): (&Path, &[u8]),
     args: &Args,
 ) -> anyhow::Result<Decoded> {
-    let packet = std::fs::read(path)?;
-    let taken = updates.map_or(Ok(()), |updates| updates.before(decoder, &packet));
+    let taken = updates.map_or(Ok(()), |updates| updates.before(decoder, packet));
     if let Err(error) = taken {
         eprintln!("{error:#}");
     }
     let trust = if args.joined { Trust::Start } else { Trust::Whole };
     let mut decoded = Decoded::default();
-    decoder.decode_into(&packet, trust, &mut decoded)?;
+    decoder.decode_into(packet, trust, &mut decoded)?;
     if let Some(damage) = &decoded.damage {
         eprintln!("{}: {damage}; the render alone is written", path.display());
     }

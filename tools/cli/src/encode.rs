@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use nvsprior::keys::{Content, Keys};
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
@@ -14,11 +15,13 @@ use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, OutputError};
 use nvsprior_inputs::video_input::VideoInputArgs;
 
+use crate::keyed_files::FileTags;
 use crate::sheet::{self, SheetRow};
 use crate::summary::{self, Row};
 use crate::updates::DiveFile;
@@ -52,6 +55,8 @@ pub struct Args {
     interest: InterestArgs,
     #[command(flatten)]
     learn: learn::LearnArgs,
+    #[command(flatten)]
+    key: KeyArgs,
     /// Folder for the packets, NAME.nvsp; made if it is missing
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
@@ -123,7 +128,7 @@ struct RateArgs {
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
-    /// Bytes of the whole packet, never exceeded
+    /// Bytes of the whole packet, never exceeded; its tag counts, if there is a --key
     #[arg(long, value_name = "N", group = "rate")]
     bytes: Option<usize>,
     /// PSNR to reach at the least bytes, dB
@@ -159,9 +164,10 @@ enum ProfileArg {
 }
 
 impl RateArgs {
-    fn rate(&self) -> Option<Rate> {
+    /// `tag`: bytes of each packet's number and tag.
+    fn rate(&self, tag: usize) -> Option<Rate> {
         let rate = match (self.bytes, self.psnr) {
-            (Some(bytes), _) => Rate::Bytes(bytes),
+            (Some(bytes), _) => Rate::Bytes(bytes.saturating_sub(tag)),
             (_, Some(psnr)) => Rate::Psnr(psnr),
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
@@ -218,6 +224,7 @@ fn check_outputs(args: &Args) -> Result<(), OutputError> {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    let keys = args.key.open()?;
     let mut frames = Frames::open(args)?;
     check_outputs(args)?;
     let mode = args.mode.mode(false)?;
@@ -226,7 +233,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let scene = args.learn.upload(&args.prior, &engine)?;
     let mut options = args.refine.options();
-    options.rate = args.rate.rate();
+    options.rate = args.rate.rate(keys.as_ref().map_or(0, Keys::overhead));
     options.residual = args.rate.coder();
     options.mode = mode;
     options.tune = args.tune.tune();
@@ -244,13 +251,19 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut encoder = Encoder::new(&engine, &scene, &camera, options)?;
     encoder.set_interest(interest);
     let mut dive_file = args.learn.begin(&mut encoder, &args.packets)?;
+    let mut tags = Tags {
+        packets: FileTags::new(keys.as_ref(), Content::Packet),
+        updates: FileTags::new(keys.as_ref(), Content::Update),
+    };
     if frames.begin_lost(&args.input.starts) {
         render_key_frames(&mut encoder)?;
     }
     let bar = progress(frames.about(), "encoding");
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());
     while let Some((input, frame)) = frames.next_frame()? {
-        let (row, picture) = encode(args, &mut encoder, dive_file.as_mut(), (&input, &frame))?;
+        let (input, frame) = (&input, &frame);
+        let (row, picture) =
+            encode(args, &mut encoder, dive_file.as_mut(), &mut tags, (input, frame))?;
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
@@ -281,18 +294,25 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Tags of the files that go to the topside.
+struct Tags {
+    packets: FileTags,
+    updates: FileTags,
+}
+
 /// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
 fn encode(
     args: &Args,
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
+    tags: &mut Tags,
     (input, frame): (&Input, &Picture),
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
     let (frame, encoded) = input.encode(encoder, frame)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
-    std::fs::write(&packet, &encoded.packet)
+    std::fs::write(&packet, tags.packets.put(&encoded.packet))
         .with_context(|| format!("writing {}", packet.display()))?;
-    let update_bytes = learn::learn_more(encoder, dive_file, &packet)?;
+    let update_bytes = learn::learn_more(encoder, dive_file, &mut tags.updates, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
         frame_file::write_png(&path, &encoded.picture)?;

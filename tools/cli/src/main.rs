@@ -12,7 +12,9 @@ mod encode;
 mod filter;
 mod inspect;
 mod join;
+mod key;
 mod key_frames;
+mod keyed_files;
 mod map;
 mod mapping_run;
 mod merge;
@@ -60,6 +62,7 @@ enum Command {
     Decode(decode::Args),
     Split(split::Args),
     Join(join::Args),
+    Key(key::Args),
     Link(link::Args),
     Vehicle(vehicle::Args),
     Channel(channel::Args),
@@ -90,6 +93,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(&args),
         Command::Split(args) => split::run(&args),
         Command::Join(args) => join::run(&args),
+        Command::Key(args) => key::run(&args),
         Command::Link(args) => link::run(&args),
         Command::Vehicle(args) => vehicle::run(&args),
         Command::Channel(args) => channel::run(&args),

@@ -29,8 +29,10 @@ use std::sync::mpsc::sync_channel;
 use nvsprior::Engine;
 use nvsprior::vulkan::DeviceKind;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
+use nvsprior_inputs::keys::KeyArgs;
 
 use crate::endpoint;
+use crate::key_state::{KeyState, Side};
 use event::EVENTS;
 use input::SourceArgs;
 use keeper::Keeper;
@@ -68,6 +70,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u16).range(16..))]
     mtu: u16,
     #[command(flatten)]
+    key: KeyArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -92,7 +96,16 @@ impl FilterUse {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let (events, came) = sync_channel(EVENTS);
     // Ports and files are looked at before the device is opened: that takes seconds.
+    let mut keys = args.key.open()?;
     let source = args.source.open(args.mtu.into())?;
+    let mut key_state = None;
+    // Of a recording all passes once more.
+    if !source.is_recording()
+        && let Some((path, held)) = args.key.key.as_ref().zip(keys.take())
+    {
+        let (held, state) = KeyState::open(path, Side::Topside, held)?;
+        (keys, key_state) = (Some(held), Some(state));
+    }
     let server = Server::bind(args.listen)?;
     let video = args.rtp.map(VideoTarget::new).transpose()?;
     let prior = args.prior.open()?;
@@ -106,6 +119,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         video: video.map(|target| target.start(source.clock())).transpose()?,
         doubt: doubt_beside(&args.prior.prior, &prior),
         filter: args.filter.on(&engine),
+        keys,
+        key_state,
     };
     let (topside, published) = Topside::new(&engine, &prior, options)?;
     source.start(events.clone())?;

@@ -5,12 +5,14 @@ mod frames;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use nvsprior::keys::Keys;
 use nvsprior::modem::{
     Loss, ModemError, Protection, RateControlOptions, Report, Sender, SenderOptions, UpdateOptions,
 };
 use nvsprior::tracking::FrameInfo;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
@@ -19,6 +21,7 @@ use nvsprior_link::pilot::{PilotMessage, Region};
 use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
 
 use crate::endpoint;
+use crate::key_state::{KeyState, Side};
 use frames::{Frame, Frames, Next, Size};
 
 /// Send frames to a topside: the vehicle's half of a working link
@@ -55,6 +58,8 @@ pub struct Args {
     /// Learn what the frames show and the prior does not, and send it as updates of the prior
     #[arg(long)]
     learn: bool,
+    #[command(flatten)]
+    key: KeyArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-2, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
@@ -96,7 +101,7 @@ struct LinkArgs {
 impl Args {
     /// # Errors
     /// If the link cannot be.
-    fn sender(&self) -> Result<SenderOptions, ModemError> {
+    fn sender(&self, keys: Option<&Keys>) -> Result<SenderOptions, ModemError> {
         let link = &self.link;
         let loss = Loss { chance: link.assume_loss, burst: link.burst };
         let left = (link.latency - link.delay).max(0.0);
@@ -120,16 +125,23 @@ impl Args {
             expect_reports: true,
             updates: self.learn.then(UpdateOptions::default),
         };
-        Sender::new(options)?;
+        match keys {
+            Some(keys) => Sender::with_keys(options, keys)?,
+            None => Sender::new(options)?,
+        };
         Ok(options)
     }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let sender = args.sender().map_err(|error| WrongUsage(error.to_string()))?;
+    let keys = args.key.open()?;
+    let sender = args.sender(keys.as_ref()).map_err(|error| WrongUsage(error.to_string()))?;
     let mode = args.mode.mode(true)?;
     let frames = Frames::open(&args.input, args.raw, args.forth_and_back)?;
     let socket = endpoint::connect(args.to)?;
+    let keyed = args.key.key.as_ref().zip(keys);
+    let keyed = keyed.map(|(path, keys)| KeyState::open(path, Side::Vehicle, keys)).transpose()?;
+    let (keys, key_state) = keyed.unzip();
     let engine = args.device.open()?;
     let scene = match args.learn {
         true => args.prior.upload_for_updates(&engine)?,
@@ -146,11 +158,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         truth: true,
         predict_poses: true,
     };
-    let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options)?;
+    let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options, keys.as_ref())?;
     println!("vehicle: {} bit/s to {}", args.link.bit_rate, args.to);
     let mut dive = Dive {
         start: Instant::now(),
         vehicle,
+        key_state,
         socket,
         bit_rate: args.link.bit_rate,
         overhead: args.link.overhead,
@@ -182,6 +195,7 @@ struct Counts {
 struct Dive {
     start: Instant,
     vehicle: Vehicle,
+    key_state: Option<KeyState>,
     socket: UdpSocket,
     bit_rate: f64,
     overhead: usize,
@@ -260,7 +274,7 @@ impl Dive {
             let within = Duration::from_secs_f64((due.min(time) - now).clamp(0.0, 1.0));
             let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
             if let Some((bytes, _)) = received
-                && let Ok((report, user)) = Report::read(bytes)
+                && let Ok((report, user)) = self.vehicle.read_report(bytes)
             {
                 let message = user.and_then(PilotMessage::read);
                 self.take_report(&report, message)?;
@@ -272,6 +286,7 @@ impl Dive {
     /// each other: the link's own queue has them then.
     fn send_due(&mut self) {
         let now = self.now();
+        self.keep_numbers();
         while self.free <= now
             && let Some((due, share)) = self.vehicle.next_share(now)
         {
@@ -279,6 +294,18 @@ impl Dive {
             let _ = self.socket.send(share);
             let seconds = (share.len() + self.overhead) as f64 * 8.0 / self.bit_rate;
             self.free = self.free.max(due) + seconds;
+        }
+    }
+
+    /// Keeps what a vehicle with keys needs to start again. If it cannot be written, the dive goes on: a start again
+    /// then takes another epoch.
+    fn keep_numbers(&mut self) {
+        let Some((state, next)) = self.key_state.as_mut().zip(self.vehicle.next_number()) else {
+            return;
+        };
+        if let Err(error) = state.keep(next, self.vehicle.seen()) {
+            eprintln!("{error}; before a start again, give both sides the next --epoch");
+            self.key_state = None;
         }
     }
 

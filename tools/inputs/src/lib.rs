@@ -10,6 +10,7 @@ pub mod colmap;
 pub mod estimate;
 pub mod frame_file;
 pub mod input;
+pub mod keys;
 pub mod locked_folder;
 pub mod mode;
 pub mod navigation;

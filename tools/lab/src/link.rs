@@ -13,6 +13,7 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
+use nvsprior::keys::Keys;
 use nvsprior::modem::{
     Loss, ModemError, Protection, RateControlOptions, Sender, SenderOptions, UpdateOptions,
 };
@@ -20,6 +21,7 @@ use nvsprior::residual::Tune;
 use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
@@ -59,6 +61,8 @@ pub struct Args {
     /// packets, and draws with each as soon as the topside holds it
     #[arg(long)]
     learn: bool,
+    #[command(flatten)]
+    key: KeyArgs,
     /// Part of the bit rate that updates get while they are sent
     #[arg(long, value_name = "X", default_value_t = UpdateOptions::default().share, requires = "learn",
         value_parser = values::not_negative)]
@@ -197,6 +201,8 @@ struct Setting {
     half_duplex: bool,
     /// What updates may take; `None`: the vehicle does not learn.
     updates: Option<UpdateOptions>,
+    /// Those that both sides hold.
+    keys: Option<Keys>,
     latency: f64,
     coding: f64,
     fps: f64,
@@ -207,7 +213,13 @@ struct Setting {
 }
 
 impl LinkArgs {
-    fn setting(&self, chance: f64, mode: Mode, args: &Args) -> Result<Setting, ModemError> {
+    fn setting(
+        &self,
+        chance: f64,
+        mode: Mode,
+        keys: Option<&Keys>,
+        args: &Args,
+    ) -> Result<Setting, ModemError> {
         let fps = args.fps;
         let share = args.update_share;
         let repeat = UpdateOptions::default().repeat.min(share);
@@ -240,6 +252,7 @@ impl LinkArgs {
             predict_poses: !self.state_poses,
             half_duplex: self.half_duplex,
             updates: args.learn.then_some(updates),
+            keys: keys.cloned(),
             latency: self.latency,
             coding: self.coding,
             fps,
@@ -248,7 +261,10 @@ impl LinkArgs {
             shares: self.shares.into(),
             seed: self.seed,
         };
-        Sender::new(setting.sender())?;
+        match keys {
+            Some(keys) => Sender::with_keys(setting.sender(), keys)?,
+            None => Sender::new(setting.sender())?,
+        };
         Ok(setting)
     }
 }
@@ -307,10 +323,10 @@ impl Setting {
 
 impl Args {
     /// One setting for each loss.
-    fn settings(&self, mode: Mode) -> Result<Vec<Setting>, WrongUsage> {
+    fn settings(&self, mode: Mode, keys: Option<&Keys>) -> Result<Vec<Setting>, WrongUsage> {
         let losses = self.link.loss.iter();
         let settings: Result<_, ModemError> =
-            losses.map(|loss| self.link.setting(*loss, mode, self)).collect();
+            losses.map(|loss| self.link.setting(*loss, mode, keys, self)).collect();
         settings.map_err(|error| WrongUsage(error.to_string()))
     }
 }
@@ -337,7 +353,8 @@ fn footage(args: &Args, preprocessor: &mut Preprocessor) -> anyhow::Result<Foota
 /// Simulates, prints and writes the report.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mode = args.mode.mode(args.link.return_delay.is_some())?;
-    let settings = args.settings(mode)?;
+    let keys = args.key.open()?;
+    let settings = args.settings(mode, keys.as_ref())?;
     args.beside.iter().try_for_each(|coder| coder.check())?;
     values::make_folder("--report", &args.report)?;
     if let Some(folder) = &args.frames_out {
@@ -416,6 +433,7 @@ mod tests {
             predict_poses: true,
             half_duplex: false,
             updates: None,
+            keys: None,
             latency: 1.5,
             coding: 0.1,
             fps: 10.0,

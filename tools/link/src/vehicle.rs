@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nvsprior::keys::{Keys, Seen};
 use nvsprior::learning::LearnOptions;
 use nvsprior::modem::{
     Division, ModemError, PacketState, Protection, Report, Sender, SenderOptions,
@@ -69,10 +70,17 @@ pub struct PacketBytes {
     /// What the shares say of themselves.
     pub headers: usize,
     pub parity: usize,
+    /// Numbers and tags, with keys.
+    pub tags: usize,
 }
 
 impl PacketBytes {
-    fn of(division: &Division, packet: &[u8], truth: usize) -> Result<PacketBytes, ModemError> {
+    fn of(
+        division: &Division,
+        packet: &[u8],
+        truth: usize,
+        tag: usize,
+    ) -> Result<PacketBytes, ModemError> {
         let Division { shares, share_bytes, header_bytes, packet_bytes, .. } = *division;
         let Extent { head, told_by_shares, framing, .. } = Extent::read(packet)?;
         let latent = head - told_by_shares;
@@ -84,11 +92,12 @@ impl PacketBytes {
             truth,
             headers: header_bytes,
             parity: shares * share_bytes - header_bytes - packet_bytes,
+            tags: shares * tag,
         })
     }
 
     pub fn total(&self) -> usize {
-        self.latent + self.residual + self.headers + self.parity
+        self.latent + self.residual + self.headers + self.parity + self.tags
     }
 }
 
@@ -96,6 +105,8 @@ pub struct Vehicle {
     encoder: Encoder,
     sender: Sender,
     encoded: Encoded,
+    /// Bytes of a modem frame's number and tag.
+    tag: usize,
     /// The camera's frame after the last one that was sent.
     next: usize,
     /// Bytes of shares that were sent again.
@@ -116,12 +127,14 @@ pub struct CameraFrame<'a> {
 }
 
 impl Vehicle {
-    /// It learns if its sender sends updates; `scene` must have been uploaded for them then.
+    /// It learns if its sender sends updates; `scene` must have been uploaded for them then. `keys`: those of its modem
+    /// frames, and of the reports that it takes.
     pub fn new(
         engine: &Engine,
         scene: &Arc<Scene>,
         camera: &Camera,
         options: &VehicleOptions,
+        keys: Option<&Keys>,
     ) -> anyhow::Result<Vehicle> {
         let VehicleOptions { sender, mode, tune, threshold, frames_treated, truth, .. } = *options;
         let is_protected = sender.protection == Protection::Layers;
@@ -136,7 +149,10 @@ impl Vehicle {
         };
         let mut encoder = Encoder::new(engine, scene, camera, options)?;
         let learns = sender.updates.is_some();
-        let sender = Sender::new(sender)?;
+        let sender = match keys {
+            Some(keys) => Sender::with_keys(sender, keys)?,
+            None => Sender::new(sender)?,
+        };
         if learns {
             encoder.learn(&LearnOptions::default())?;
         }
@@ -144,6 +160,7 @@ impl Vehicle {
             encoder,
             sender,
             encoded: Encoded::default(),
+            tag: keys.map_or(0, Keys::overhead),
             next: 0,
             resent: 0,
             updates: Vec::new(),
@@ -173,7 +190,7 @@ impl Vehicle {
             frame: number,
             number: stats.frame,
             exposed,
-            bytes: PacketBytes::of(&division, packet, stats.truth_bytes)?,
+            bytes: PacketBytes::of(&division, packet, stats.truth_bytes, self.tag)?,
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             certain: stats.certain,
@@ -250,6 +267,24 @@ impl Vehicle {
     /// When the next share is due, seconds.
     pub fn due(&self) -> Option<f64> {
         self.sender.due()
+    }
+
+    /// See [`Sender::read_report`].
+    pub fn read_report<'a>(
+        &mut self,
+        bytes: &'a [u8],
+    ) -> Result<(Report, Option<&'a [u8]>), ModemError> {
+        self.sender.read_report(bytes)
+    }
+
+    /// With keys: the number of the next modem frame.
+    pub fn next_number(&self) -> Option<u64> {
+        self.sender.next_number()
+    }
+
+    /// With keys: the reports that were taken.
+    pub fn seen(&self) -> impl Iterator<Item = Seen> + '_ {
+        self.sender.seen()
     }
 
     pub fn process_report(&mut self, now: f64, report: &Report) -> Result<(), ModemError> {

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from nvs.bits import Refused
 from nvs.decoder import Decoder
+from nvs.keys import FRAME, PACKET, REPORT, Files, Verifier
 from nvs.modem import Collector, read_report
 from nvs.packet import Camera
 from nvs.prior import open_prior, read_prior
@@ -53,14 +54,23 @@ class Run:
     def __init__(self, vector):
         self.vector, self.pictures = vector, []
 
+    def content(self, kind):
+        """What takes number and tag off a record, if there are keys."""
+        if "keys" not in self.vector:
+            return lambda record: record
+        keys = [bytes.fromhex(key) for key in self.vector["keys"]]
+        verifier = Verifier(keys, kind, self.vector["tag"], int(self.vector["epoch"]))
+        return Files(verifier).verify if kind == PACKET else verifier.verify
+
     def decoder(self, is_start):
         decoder = Decoder(open_prior(VECTORS / self.vector["prior"]), is_start)
         for width, height, *numbers in self.vector.get("cameras", []):
             decoder.add_camera(Camera(width, height, struct.pack("<4f", *numbers)))
         return decoder
 
-    def decode(self, decoder, record):
+    def decode(self, decoder, record, content=bytes):
         try:
+            record = content(record)
             if record[:4] == b"nvsu":
                 number = decoder.add_update(record)
                 state = int.from_bytes(decoder.states.held[-1].state, "little")
@@ -73,11 +83,12 @@ class Run:
 
     def link(self, records):
         vector = self.vector
-        collector, decoder = Collector(vector["mtu"], vector["streams"], vector["room"]), self.decoder(True)
-        said, packets = [], []
+        tag = 2 + vector["tag"] if "keys" in vector else 0
+        collector, decoder = Collector(vector["mtu"] - tag, vector["streams"], vector["room"]), self.decoder(True)
+        content, said, packets = self.content(FRAME), [], []
         for record in records:
             try:
-                updates = collector.push(record)
+                updates = collector.push(content(record[:vector["mtu"]]))
                 said.append({})
             except Refused as refused:
                 updates = []
@@ -97,10 +108,14 @@ class Run:
         kind = self.vector["kind"]
         if kind in ("packets", "starts"):
             decoder = self.decoder(kind == "starts")
-            return [self.decode(decoder, record) for record in records], None
+            content = self.content(PACKET)
+            return [self.decode(decoder, record, content) for record in records], None
         if kind == "link":
             return self.link(records)
-        return [simple(read_report if kind == "reports" else told_prior, record) for record in records], None
+        if kind == "reports":
+            content = self.content(REPORT)
+            return [simple(lambda record: read_report(content(record)), record) for record in records], None
+        return [simple(told_prior, record) for record in records], None
 
 
 def simple(read, record):

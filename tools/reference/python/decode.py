@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Decodes packets as `nvsprior decode` does. Usage: decode.py PRIOR PACKETS --frames DIR [--joined]
+"""Decodes packets as `nvsprior decode` does. Usage: decode.py PRIOR PACKETS --frames DIR [--joined] [--key FILE]
 
 PRIOR: .ply or .nvsg, with PRIOR.tables beside it if there is one. PACKETS: a folder of NAME.nvsp, and NAME.nvsu or
-dive updates beside them. --joined: packets may be cut, but are undamaged.
+dive updates beside them. --joined: packets may be cut, but are undamaged. --key, --epoch and --tag: as those of
+`nvsprior encode`.
 """
 
 import argparse
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from nvs.bits import Refused, png
 from nvs.decoder import Decoder
+from nvs.keys import PACKET, UPDATE, Files, Verifier, read_keys
 from nvs.prior import open_prior
 
 
@@ -20,14 +22,21 @@ def main():
     parser.add_argument("packets", type=Path)
     parser.add_argument("--frames", type=Path, required=True)
     parser.add_argument("--joined", action="store_true")
+    parser.add_argument("--key", type=Path)
+    parser.add_argument("--epoch", type=int, default=0)
+    parser.add_argument("--tag", type=int, default=4)
     args = parser.parse_args()
+    packet = update = bytes
+    if args.key:
+        keys = read_keys(args.key.read_text())
+        packet, update = (Files(Verifier(keys, kind, args.tag, args.epoch)).verify for kind in (PACKET, UPDATE))
     decoder = Decoder(open_prior(args.prior), args.joined)
     args.frames.mkdir(parents=True, exist_ok=True)
     paths = sorted(args.packets.glob("*.nvsp"))
     failed = 0
     for path in paths:
         try:
-            decoded = decoder.decode(path.read_bytes())
+            decoded = decoder.decode(packet(path.read_bytes()))
         except Refused as refused:
             print(f"{path}: refused: {refused}", file=sys.stderr)
             failed += 1
@@ -37,7 +46,7 @@ def main():
             height, width, _ = decoded.picture.shape
             (args.frames / f"{path.stem}.png").write_bytes(png(width, height, decoded.picture.tobytes()))
         if path.with_suffix(".nvsu").exists():
-            decoder.add_update(path.with_suffix(".nvsu").read_bytes())
+            decoder.add_update(update(path.with_suffix(".nvsu").read_bytes()))
     print(f"{len(paths) - failed} of {len(paths)} packets decoded")
     return 1 if failed else 0
 

@@ -7,7 +7,7 @@ use gst::subclass::prelude::*;
 use crate::lock::lock;
 use crate::update_event::{Answer, SentUpdate, UpdateName};
 
-use super::{CATEGORY, Depayloader};
+use super::{CATEGORY, Depayloader, State};
 
 /// States that a report tells of at most.
 const STATES: usize = 4;
@@ -48,17 +48,13 @@ impl Depayloader {
 
     /// A report for the vehicle; `None`: there is nothing to tell.
     pub(super) fn report(&self) -> Option<glib::Bytes> {
-        let state = lock(&self.state);
-        let held = state.held.iter().map(|name| (name.number, name.state));
-        let report = state.playout.as_ref()?.report(held).ok()??;
-        drop(state);
-        let mut bytes = vec![0; lock(&self.settings).mtu as usize];
-        let written = report.write(None, &mut bytes);
-        let len = written
-            .inspect_err(|error| gst::debug!(CATEGORY, imp = self, "a report: {error}"))
-            .ok()?;
-        bytes.truncate(len);
-        Some(glib::Bytes::from_owned(bytes))
+        let mut state = lock(&self.state);
+        let State { playout, held, .. } = &mut *state;
+        let held = held.iter().map(|name| (name.number, name.state));
+        let report = playout.as_mut()?.report(held);
+        let report =
+            report.inspect_err(|error| gst::debug!(CATEGORY, imp = self, "a report: {error}"));
+        Some(glib::Bytes::from_owned(report.ok()??))
     }
 
     pub(super) fn src_event(&self, event: gst::Event) -> bool {

@@ -3,10 +3,13 @@
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
+use nvsprior::keys::Refusal;
+use nvsprior::modem::ModemError;
+
 use crate::lock::lock;
 use crate::update_event::SentUpdate;
 
-use super::{CATEGORY, Payloader};
+use super::{CATEGORY, Payloader, State};
 
 impl Payloader {
     /// Takes an update for the topside.
@@ -44,9 +47,18 @@ impl Payloader {
         let taken = {
             let mut state = lock(&self.state);
             let now = state.now;
-            state.pieces.report(now, report)
+            let State { keyed, pieces, .. } = &mut *state;
+            let report = match keyed {
+                Some(keyed) => keyed.verifier.verify(report).map(|verified| verified.content),
+                None => Ok(report),
+            };
+            report.map_err(ModemError::from).and_then(|report| pieces.report(now, report))
         };
         if let Err(error) = &taken {
+            let mut counts = lock(&self.counts);
+            counts.foreign += u64::from(*error == ModemError::Key(Refusal::Foreign));
+            counts.replayed += u64::from(*error == ModemError::Key(Refusal::Replayed));
+            drop(counts);
             gst::debug!(CATEGORY, imp = self, "a report: {error}");
         }
         self.answer();

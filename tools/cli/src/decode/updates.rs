@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
+use nvsprior::keys::{Content, Keys};
 use nvsprior::packet::Latent;
 use nvsprior::prior::{Prior, Update};
 use nvsprior::render::Scene;
 use nvsprior::{Decoder, Engine};
 
 use super::Args;
+use crate::keyed_files::FileReader;
 use crate::updates::{DiveFile, chain_of, is_chain};
 
 /// Where updates come from.
@@ -25,12 +27,14 @@ enum Source {
 pub struct Updates {
     source: Source,
     dive_file: DiveFile,
+    reader: FileReader,
 }
 
 impl Updates {
     /// Uploads the prior, with room for updates if there are any, or if some were learnt before.
     pub fn upload(
         args: &Args,
+        keys: Option<&Keys>,
         engine: &Engine,
         packets: &[PathBuf],
     ) -> anyhow::Result<(Arc<Scene>, Option<Updates>)> {
@@ -50,7 +54,8 @@ impl Updates {
             Some(path) => Source::Chain(after(&dive_file, &prior, path)?),
             None => Source::Files(files),
         };
-        Ok((engine.upload_for_updates(&prior)?, Some(Updates { source, dive_file })))
+        let reader = FileReader::new(keys, Content::Update);
+        Ok((engine.upload_for_updates(&prior)?, Some(Updates { source, dive_file, reader })))
     }
 
     /// Gives a decoder what was learnt before.
@@ -80,7 +85,7 @@ impl Updates {
         let stem = packet.file_stem();
         let Some(path) = files.iter().find(|path| path.file_stem() == stem) else { return Ok(()) };
         let named = || path.display().to_string();
-        let bytes = std::fs::read(path).with_context(named)?;
+        let bytes = self.reader.read(path).with_context(named)?;
         decoder.add_update(&bytes).with_context(named)?;
         self.dive_file.add(Update::read(&bytes)?)
     }

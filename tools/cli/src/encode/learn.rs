@@ -11,6 +11,7 @@ use nvsprior::{Encoder, Engine};
 use nvsprior_inputs::args::PriorArgs;
 use nvsprior_inputs::input::Input;
 
+use crate::keyed_files::FileTags;
 use crate::updates::DiveFile;
 
 /// Whether to learn, and how.
@@ -83,12 +84,13 @@ impl LearnArgs {
 pub fn learn_more(
     encoder: &mut Encoder,
     dive_file: Option<&mut DiveFile>,
+    tags: &mut FileTags,
     packet: &Path,
 ) -> anyhow::Result<usize> {
     let Some(dive_file) = dive_file else { return Ok(0) };
     encoder.learn_more(1.0)?;
     let Some(update) = encoder.take_update() else { return Ok(0) };
-    replace_file(&packet.with_extension("nvsu"), &update)?;
+    replace_file(&packet.with_extension("nvsu"), tags.put(&update))?;
     dive_file.add(Update::read(&update)?)?;
     if let Some(number) = encoder.waiting_update() {
         encoder.adopt(number);

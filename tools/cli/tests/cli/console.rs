@@ -233,6 +233,56 @@ fn what_the_vehicle_sees_is_on_the_page() {
 }
 
 #[test]
+fn with_a_key_nothing_of_strangers_is_shown() {
+    let dive = Dive::new();
+    dive.run("key --out own.key").ends_with(0);
+    dive.run("key --out other.key").ends_with(0);
+    // The console's own copy, as on another machine.
+    std::fs::copy(dive.path("own.key"), dive.path("topside.key")).unwrap();
+    let console = Console::start(&dive, "--udp 127.0.0.1:0 --key topside.key --epoch 2");
+    let stranger = vehicle(&dive, &console.udp, "--forth-and-back --key other.key --epoch 2");
+    let state = console.until("strangers", |state| state["link"]["foreign"].as_u64() >= Some(20));
+    assert_eq!((&state["picture"], &state["link"]["bytes"].is_u64()), (&Value::Null, &true));
+    let told = |state: &Value| {
+        let warnings = state["warnings"].as_array().unwrap();
+        warnings.iter().any(|text| text.as_str().unwrap().contains("no key here has made them"))
+    };
+    console.until("a warning", told);
+    // What the vehicle sends, from a socket that keeps it, to send it again. The console's own reports come there, too,
+    // and go back to it: they are of strangers.
+    let (tap, at) = socket();
+    let own = "--forth-and-back --key own.key --epoch 2";
+    let first = vehicle(&dive, &at, own);
+    let mut kept = Vec::new();
+    let mut buffer = [0; 2048];
+    while kept.len() < 30 {
+        let len = tap.recv(&mut buffer).unwrap();
+        tap.send_to(&buffer[..len], &console.udp).unwrap();
+        kept.push(buffer[..len].to_vec());
+    }
+    let state = console.until_picture(1);
+    assert!(!told(&state), "{state:#}");
+    drop((first, stranger));
+    kept.iter().for_each(|frame| _ = tap.send_to(frame, &console.udp).unwrap());
+    let replayed = |state: &Value| state["link"]["replayed"].as_u64() >= Some(20);
+    let frame = |state: &Value| state["picture"]["frame"].as_u64();
+    let before = console.until("what came once more", replayed);
+    // The vehicle starts again, and goes on counting: its frames are taken, and so are reports.
+    let mut again = vehicle(&dive, &console.udp, own);
+    assert_eq!(console.post("/region", &json!({ "parts": [0.5, 0.25, 0.75, 0.5] })), 202);
+    again.line_with("a region of interest");
+    let number = before["picture"]["number"].as_u64().unwrap();
+    let after = console.until_picture(number + 1);
+    assert!(frame(&after).is_some(), "{after:#}");
+    let count = |state: &Value| state["link"]["replayed"].as_u64();
+    assert!(count(&after) <= Some(30), "{after:#}");
+    for side in ["own.key.vehicle", "topside.key.topside"] {
+        let text = String::from_utf8(dive.bytes(side)).unwrap();
+        assert!(text.starts_with("epoch 2\nnext "), "{side}: {text}");
+    }
+}
+
+#[test]
 fn a_dive_is_kept_and_played_again() {
     let dive = Dive::new();
     let console = Console::start(&dive, "--udp 127.0.0.1:0");

@@ -13,6 +13,7 @@ mod dive;
 mod encode;
 mod filter;
 mod inputs;
+mod key;
 mod key_frames;
 mod learn;
 mod link;

@@ -14,6 +14,7 @@ fn help_of_every_subcommand() {
         "decode",
         "split",
         "join",
+        "key",
         "render",
         "inspect",
         "trim",

@@ -122,6 +122,11 @@ impl Source {
         self.name.clone()
     }
 
+    /// It is a recording, and not what comes now.
+    pub fn is_recording(&self) -> bool {
+        matches!(self.kind, Kind::Play(_))
+    }
+
     pub fn clock(&self) -> Clock {
         self.clock
     }

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use nvsprior::keys::{Keys, Seen};
 use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistics, ModemError};
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Decoded, Decoder, Engine, Error, Trust};
@@ -73,12 +74,13 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// `filter`: pictures go through the display filter.
+    /// `filter`: pictures go through the display filter. `keys`: those of the vehicle.
     pub fn new(
         engine: &Engine,
         scene: &Arc<Scene>,
         mtu: usize,
         filter: bool,
+        keys: Option<&Keys>,
     ) -> anyhow::Result<Pictures> {
         let options = CollectorOptions {
             packets: PACKETS,
@@ -91,7 +93,10 @@ impl Pictures {
         decoder.set_pixel_limit(PIXELS);
         decoder.set_filter(filter)?;
         Ok(Pictures {
-            collector: Collector::new(options)?,
+            collector: match keys {
+                Some(keys) => Collector::with_keys(options, keys)?,
+                None => Collector::new(options)?,
+            },
             decoder,
             began: BTreeMap::new(),
             grown: BTreeSet::new(),
@@ -113,6 +118,16 @@ impl Pictures {
 
     pub fn statistics(&self) -> CollectorStatistics {
         self.collector.statistics()
+    }
+
+    /// With keys: the number of the next report.
+    pub fn next_number(&self) -> Option<u64> {
+        self.collector.next_number()
+    }
+
+    /// With keys: the modem frames that were taken.
+    pub fn seen(&self) -> impl Iterator<Item = Seen> + '_ {
+        self.collector.seen()
     }
 
     /// Number of the last update of the prior that is held; 0: none.
@@ -268,9 +283,11 @@ impl Pictures {
         report.tell_poses(|frame| self.decoder.holds_pose(frame));
         let mut bytes = vec![0; self.mtu];
         let user = message.write();
-        let written = match report.write(Some(&user), &mut bytes) {
+        let written = match self.collector.write_report(&report, Some(&user), &mut bytes) {
             // A small modem frame has no room for the pilot's message.
-            Err(ModemError::ReportMtu { .. }) => report.write(None, &mut bytes),
+            Err(ModemError::ReportMtu { .. }) => {
+                self.collector.write_report(&report, None, &mut bytes)
+            }
             written => written,
         };
         bytes.truncate(written.ok()?);

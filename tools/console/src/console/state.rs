@@ -91,6 +91,10 @@ pub struct LinkState {
     pub frames: u64,
     /// Modem frames that were none, or of no use.
     pub garbage: u64,
+    /// Those of them that no key has made; `None`: there are no keys.
+    pub foreign: Option<u64>,
+    /// Those of them that came a second time.
+    pub replayed: Option<u64>,
     pub packets: u64,
     /// Number of the last update of the prior that was learnt and has come; 0: none.
     pub learnt: u16,

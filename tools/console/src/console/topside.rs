@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use nvsprior::keys::Keys;
 use nvsprior::prior::Doubt;
 use nvsprior::{Engine, Picture, Prior};
 use nvsprior_link::exposure;
@@ -22,6 +23,7 @@ use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
 use super::state::{LinkState, PictureState, PoseState, State, clock_name};
 use super::video::Video;
+use crate::key_state::KeyState;
 
 pub struct TopsideOptions {
     pub mtu: usize,
@@ -33,6 +35,10 @@ pub struct TopsideOptions {
     pub doubt: Option<Doubt>,
     /// Pictures go through the display filter.
     pub filter: bool,
+    /// Those of the vehicle's modem frames.
+    pub keys: Option<Keys>,
+    /// Keeps which of them came.
+    pub key_state: Option<KeyState>,
 }
 
 /// What the page gets.
@@ -57,6 +63,8 @@ const REPORT_EVERY: f64 = 1.0;
 const PATIENCE: f64 = 60.0;
 /// Seconds of not being certain after which the vehicle is called lost.
 const SEARCHING: f64 = 3.0;
+/// Modem frames without the right tag, and none with it, after which something must be wrong.
+const STRANGERS: u64 = 20;
 /// The page is told at least so often.
 const TICK: Duration = Duration::from_millis(250);
 /// Events that are dealt with before the page is told.
@@ -102,7 +110,13 @@ impl Topside {
         let views = SceneViews::new(engine, prior, &scene)?;
         let (publisher, receiver) = watch::channel(Published::none());
         let mut topside = Topside {
-            pictures: Pictures::new(engine, &scene, options.mtu, options.filter)?,
+            pictures: Pictures::new(
+                engine,
+                &scene,
+                options.mtu,
+                options.filter,
+                options.keys.as_ref(),
+            )?,
             views,
             memory: MemoryView::new(engine, prior, options.doubt.as_ref())?,
             overlay: None,
@@ -135,9 +149,10 @@ impl Topside {
 
     /// Works until it fails.
     pub fn run(mut self, events: &Receiver<Event>) -> anyhow::Result<()> {
+        // It goes on from event to event: a flood of frames of no use must not keep the page from being told.
+        let mut deadline = Instant::now() + TICK;
         loop {
-            let deadline = Instant::now() + TICK;
-            match events.recv_timeout(TICK) {
+            match events.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
                 Ok(event) => self.take(event),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => anyhow::bail!("input and page have ended"),
@@ -145,12 +160,17 @@ impl Topside {
             for event in events.try_iter().take(AT_ONCE) {
                 self.take(event);
             }
-            self.show(Instant::now() >= deadline)?;
+            let is_due = Instant::now() >= deadline;
+            if is_due {
+                deadline = Instant::now() + TICK;
+            }
+            self.show(is_due)?;
         }
     }
 
     /// Decodes what came and shows it, and tells the vehicle. `is_due`: the page is told even if nothing is new.
     fn show(&mut self, is_due: bool) -> anyhow::Result<()> {
+        self.keep_numbers();
         let is_new = self.pictures.decode()?;
         if is_new {
             self.take_picture()?;
@@ -160,6 +180,17 @@ impl Topside {
             self.publish()?;
         }
         Ok(())
+    }
+
+    /// Keeps what a topside with keys needs to start again. If it cannot be written, the pilot is told, once.
+    fn keep_numbers(&mut self) {
+        let (state, next) = (self.options.key_state.as_mut(), self.pictures.next_number());
+        let Some((state, next)) = state.zip(next) else { return };
+        if let Err(error) = state.keep(next, self.pictures.seen()) {
+            self.note =
+                Some(format!("before a start again, give both sides the next --epoch: {error}"));
+            self.options.key_state = None;
+        }
     }
 
     fn now(&self) -> f64 {
@@ -320,6 +351,8 @@ impl Topside {
             bytes: self.counts.bytes,
             frames: self.counts.frames,
             garbage: self.counts.garbage,
+            foreign: self.options.keys.is_some().then_some(statistics.foreign),
+            replayed: self.options.keys.is_some().then_some(statistics.replayed),
             packets: statistics.completed,
             learnt: self.pictures.learnt(),
             reports: self.options.return_path.is_some().then_some(self.counts.reports),
@@ -349,6 +382,12 @@ impl Topside {
             } else if let Some(damage) = &decoded.damage {
                 warnings.push(format!("Not all of the picture came: {damage}"));
             }
+        }
+        let statistics = self.pictures.statistics();
+        if statistics.accepted == 0 && statistics.foreign >= STRANGERS {
+            warnings.push(
+                "Modem frames come, but no key here has made them: key, epoch and tag must be the vehicle's.".into(),
+            );
         }
         warnings.extend(self.pictures.trouble().map(str::to_owned));
         warnings.extend(self.options.video.as_ref().and_then(Video::trouble));

@@ -107,7 +107,7 @@ impl LinkRun {
 
     fn bytes(&self) -> PacketBytes {
         let mut sum = PacketBytes::default();
-        for PacketBytes { latent, residual, framing, truth, headers, parity } in
+        for PacketBytes { latent, residual, framing, truth, headers, parity, tags } in
             self.packets.iter().map(|packet| packet.bytes)
         {
             sum.latent += latent;
@@ -116,6 +116,7 @@ impl LinkRun {
             sum.truth += truth;
             sum.headers += headers;
             sum.parity += parity;
+            sum.tags += tags;
         }
         sum
     }
@@ -298,6 +299,7 @@ pub fn print(runs: &[LinkRun]) {
     }
     table.print();
     runs.iter().for_each(print_updates);
+    runs.iter().for_each(print_keys);
 }
 
 /// Says what was learnt, and what is shown of what the prior does not show.
@@ -319,6 +321,17 @@ fn print_updates(run: &LinkRun) {
             "loss {loss}: {inside:.2} dB where the prior does not show it, {outside:.2} dB elsewhere"
         );
     }
+}
+
+/// Says what keys cost.
+fn print_keys(run: &LinkRun) {
+    let Some(keys) = &run.setting.keys else { return };
+    let (bytes, tag) = (run.bytes(), keys.overhead());
+    println!(
+        "loss {}: {tag} bytes of number and tag in each modem frame, {:.1} % of the packets' bytes",
+        fixed(run.setting.loss.chance, 3),
+        100.0 * bytes.tags as f64 / bytes.total().max(1) as f64
+    );
 }
 
 /// `link.json`. At its top level it has the first setting's figures.

@@ -6,7 +6,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nvsprior::Engine;
-use nvsprior::modem::Report;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
 use nvsprior_inputs::frame_file;
@@ -97,7 +96,13 @@ impl<'a> Simulation<'a> {
         let camera = footage.camera(0);
         Ok(Simulation {
             footage,
-            vehicle: Vehicle::new(engine, scene, camera, &setting.vehicle(threshold))?,
+            vehicle: Vehicle::new(
+                engine,
+                scene,
+                camera,
+                &setting.vehicle(threshold),
+                setting.keys.as_ref(),
+            )?,
             packets: Vec::new(),
             topside: Topside::new(engine, scene, footage.cameras(), &setting)?,
             setting,
@@ -142,7 +147,7 @@ impl<'a> Simulation<'a> {
                 Event::Arrived(share) => self.topside.take(time, &share)?,
                 Event::Report => self.report(time, &mut channel)?,
                 Event::Reported(report) => {
-                    let (report, _) = Report::read(&report)?;
+                    let (report, _) = self.vehicle.read_report(&report)?;
                     self.vehicle.process_report(time, &report)?;
                     self.plan_due(time);
                 }

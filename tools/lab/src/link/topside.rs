@@ -96,7 +96,10 @@ impl Topside {
         };
         Ok(Topside {
             decoder,
-            collector: Collector::new(options)?,
+            collector: match &setting.keys {
+                Some(keys) => Collector::with_keys(options, keys)?,
+                None => Collector::new(options)?,
+            },
             decoded: Decoded::default(),
             shown: None,
             size,
@@ -271,7 +274,7 @@ impl Topside {
         }
         report.tell_poses(|frame| self.decoder.holds_pose(frame));
         let mut bytes = vec![0; self.mtu];
-        let len = report.write(None, &mut bytes)?;
+        let len = self.collector.write_report(&report, None, &mut bytes)?;
         bytes.truncate(len);
         Ok(Some(bytes))
     }

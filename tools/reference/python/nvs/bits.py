@@ -175,13 +175,15 @@ def _compress(chain, block, counter, length, flags):
     return [v[i] ^ v[i + 8] for i in range(8)]
 
 
-def blake3(data):
-    """The first 32 bytes of BLAKE3, unkeyed."""
+def blake3(data, key=None):
+    """The first 32 bytes of BLAKE3; in keyed mode if there is a key of 32 bytes."""
+    start, mode = (struct.unpack("<8I", key), 16) if key else (IV, 0)
+
     def chunk(part, counter, root):
-        chain, blocks = list(IV), [part[i:i + 64] for i in range(0, len(part), 64)] or [b""]
+        chain, blocks = list(start), [part[i:i + 64] for i in range(0, len(part), 64)] or [b""]
         for i, block in enumerate(blocks):
             last = i + 1 == len(blocks)
-            flags = (i == 0) | 2 * last | 8 * (last and root)
+            flags = (i == 0) | 2 * last | 8 * (last and root) | mode
             chain = _compress(chain, block, counter, len(block), flags)
         return chain
 
@@ -190,7 +192,7 @@ def blake3(data):
             return chunk(part, counter, root)
         left = 1 << ((len(part) - 1) // 1024).bit_length() - 1
         halves = tree(part[:1024 * left], counter, False) + tree(part[1024 * left:], counter + left, False)
-        return _compress(IV, struct.pack("<16I", *halves), 0, 64, 4 | 8 * root)
+        return _compress(start, struct.pack("<16I", *halves), 0, 64, 4 | 8 * root | mode)
 
     return struct.pack("<8I", *tree(data, 0, True))
 

@@ -65,8 +65,8 @@ impl Link {
         let [below, above] = [(); 2].map(|()| engine.upload_for_updates(&prior).unwrap());
         let learning = options(Some(UpdateOptions::default()));
         Link {
-            vehicle: Vehicle::new(&engine, &below, &CAMERA, &learning).unwrap(),
-            pictures: Pictures::new(&engine, &above, MTU, false).unwrap(),
+            vehicle: Vehicle::new(&engine, &below, &CAMERA, &learning, None).unwrap(),
+            pictures: Pictures::new(&engine, &above, MTU, false, None).unwrap(),
             random: Random::new(7),
             frames: nvsprior_basin::inspection_run(Run::T2, FRAMES, Conditions::CALM).collect(),
             learnt: 0,
