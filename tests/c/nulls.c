@@ -35,6 +35,8 @@ static void engines_and_priors(void) {
     CHECK(prior == NULL);
     EXPECT(NVSP_ERR_NULL, nvsp_prior_get_info(NULL, &prior_info));
     EXPECT(NVSP_ERR_NULL, nvsp_prior_get_info(both.prior, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_get_blocks(NULL, NULL));
+    EXPECT(NVSP_ERR_NULL, nvsp_prior_get_blocks(both.prior, NULL));
 }
 
 static void encoders(void) {

@@ -2,6 +2,7 @@
 
 mod ablation;
 mod bench;
+mod blocks;
 mod codecs;
 #[path = "../../../../tests/common/mod.rs"]
 mod common;

@@ -19,6 +19,7 @@ fn help_of_every_subcommand() {
         "inspect",
         "trim",
         "merge",
+        "blocks",
         "map",
         "key-frames",
         "bench",

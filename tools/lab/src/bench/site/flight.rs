@@ -16,8 +16,10 @@ use super::measured::{frame, options};
 use super::residency;
 use super::tiled::{CAMERA, STEP, pose};
 
-/// Units between frames: a copy takes 16.
-const APART: f64 = STEP as f64 / 16.0;
+/// Frames of a copy.
+const FRAMES: usize = 20;
+/// Units between frames.
+const APART: f64 = STEP as f64 / FRAMES as f64;
 
 /// Flies from the first copy to the last.
 pub fn fly(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value> {
@@ -31,7 +33,7 @@ pub fn fly(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value> {
     let whole_encoder = |scene| Encoder::new(engine, scene, &CAMERA, options());
     let mut whole = whole.as_ref().map(whole_encoder).transpose()?;
     let copies = (2.0 * blocked.coordinate_frame().centre[1] / STEP).round() + 1.0;
-    let frames = (16.0 * f64::from(copies)) as usize - 8;
+    let frames = FRAMES * copies as usize - 8;
     let (mut times, mut late, mut certain, mut other) = (Vec::new(), Vec::new(), 0, Vec::new());
     let bar = progress(frames, "frames of the flight");
     for i in 0..frames {

@@ -46,7 +46,8 @@ impl Tiled {
         let splats = scene.splats();
         let inside = |i: &usize| {
             let p = splats.positions[*i];
-            (0..3).all(|axis| p[axis] > LEAST[axis] && p[axis] < GREATEST[axis])
+            let shown = splats.opacity(*i) > 1.5 / 255.0;
+            shown && (0..3).all(|axis| p[axis] > LEAST[axis] && p[axis] < GREATEST[axis])
         };
         let mut which: Vec<usize> = (0..splats.len()).filter(inside).collect();
         // Those that show most stay.
