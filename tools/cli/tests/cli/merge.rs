@@ -140,7 +140,7 @@ fn what_does_not_belong_together_is_refused_by_its_name() {
     refused("prior.ply c.nvsu b.nvsu", "b.nvsu: damaged: ");
     refused("prior.ply prior.ply", "prior.ply: no update of a prior: ");
     refused("c.nvsu prior.ply", "c.nvsu: ");
-    dive.run("merge prior.ply c.nvsu --out next.spz").ends_with(1).says("in .nvsg or .ply");
+    dive.run("merge prior.ply c.nvsu --out next.spz").ends_with(1).says("in .nvsg, .nvsb or .ply");
     dive.run("merge prior.ply --out next.ply").ends_with(2).says("<UPDATE>");
 }
 
