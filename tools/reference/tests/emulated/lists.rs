@@ -9,7 +9,7 @@ use crate::common::{camera, random_pose, random_prior, random_splats};
 
 /// The order is that of the keys.
 fn assert_order(chain: &Chain) {
-    let keys = &chain.buffers["keys"];
+    let keys = &chain.buffers["keys"][..chain.buffers["counters"][3] as usize];
     let bits = chain.settings.first_digit * chain.buffers["counters"][2];
     let coarse = |key: &u32| if *key == CULLED { CULLED } else { key >> bits };
     let keys: Vec<u32> = keys.iter().map(coarse).collect();
