@@ -21,6 +21,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     write_ply(splats, options, prior.key_frames(), prior.preprocessing(), &mut bytes)?;
     std::fs::write(folder.join("prior.ply"), bytes)?;
     let drawn = nvsprior_basin::inspection_run(run, frames, Conditions::CALM);
-    nvsprior_basin::write_run(&folder.join(run.name()), run.name(), drawn, |_| {})?;
+    nvsprior_basin::write_run(
+        &folder.join(run.name()),
+        run.name(),
+        nvsprior_basin::CAMERA,
+        drawn,
+        |_| {},
+    )?;
     Ok(())
 }
