@@ -152,7 +152,7 @@ pub extern "C" fn nvsp_authenticator_create(
 /// - `stream`: the stream that it is for, 0 to 3.
 /// - `content`: what goes to the other side. Read during the call. Not NULL.
 /// - `size`: bytes of it.
-/// - `bytes`: receives number, tag and content. Yours, of `room` bytes; not where the content stands. Not NULL.
+/// - `bytes`: receives number, tag and content. Yours, of `room` bytes. They must not overlap the content. Not NULL.
 /// - `room`: bytes of `bytes`; `size`, nvsp_keys.tag_bytes and 2 suffice.
 /// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
 #[unsafe(no_mangle)]
@@ -234,7 +234,7 @@ pub extern "C" fn nvsp_verifier_create(
 /// # Safety
 /// - `bytes`: what came. Read during the call. Not NULL.
 /// - `size`: bytes of it.
-/// - `offset`: receives where the content begins; it goes on to the end. Not NULL.
+/// - `offset`: receives where the content begins. The content goes on to the end of the bytes. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_verify(
     verifier: Option<&nvsp_verifier>,

@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use crate::image::{Preprocessing, WhiteBalance};
 use crate::prior::blocked::BlockedPrior;
-use crate::prior::{KeyFrames, PriorClaims};
+use crate::prior::{CoordinateFrame, KeyFrames, PriorClaims};
 use crate::render::{BlockReader, Scene};
-use crate::{Camera, Prior, RenderOverrides};
+use crate::{Camera, Prior, RenderOptions, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
 use super::handle::Handle;
@@ -336,19 +336,12 @@ fn open_blocked(
 }
 
 fn info_of_blocked(blocked: &BlockedPrior) -> nvsp_prior_info {
-    let (options, frame) = (blocked.options(), blocked.coordinate_frame());
     nvsp_prior_info {
         id: blocked.id().0,
         splats: number(blocked.len()),
         sh_degree: blocked.sh_degree(),
-        near_plane: options.near,
-        alpha_max: options.alpha_max,
-        antialiased: options.antialiased.into(),
-        background: options.background,
-        centre: frame.centre,
-        spread: frame.spread,
         key_frames: number(blocked.key_frames().len()),
-        ..preprocessing_info(blocked.preprocessing())
+        ..drawn_so(blocked.options(), &blocked.coordinate_frame(), blocked.preprocessing())
     }
 }
 
@@ -408,27 +401,31 @@ fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
 }
 
 fn info_of(prior: &Prior) -> nvsp_prior_info {
-    let (options, frame, report) = (prior.options(), prior.coordinate_frame(), prior.report());
+    let report = prior.report();
     nvsp_prior_info {
         id: prior.id().0,
-        splats: prior.len() as u32,
+        splats: number(prior.len()),
         dropped: number(report.read - report.kept),
         sh_degree: prior.splats().sh_degree,
+        key_frames: number(prior.key_frames().len()),
+        ..drawn_so(prior.options(), &prior.coordinate_frame(), prior.preprocessing())
+    }
+}
+
+/// Render options, place and preprocessing of a prior; all else is zero.
+fn drawn_so(
+    options: &RenderOptions,
+    frame: &CoordinateFrame,
+    preprocessing: &Preprocessing,
+) -> nvsp_prior_info {
+    let Preprocessing { white_balance, clahe } = *preprocessing;
+    nvsp_prior_info {
         near_plane: options.near,
         alpha_max: options.alpha_max,
         antialiased: options.antialiased.into(),
         background: options.background,
         centre: frame.centre,
         spread: frame.spread,
-        key_frames: prior.key_frames().len() as u32,
-        ..preprocessing_info(prior.preprocessing())
-    }
-}
-
-/// What a preprocessing is, all else zero.
-fn preprocessing_info(preprocessing: &Preprocessing) -> nvsp_prior_info {
-    let Preprocessing { white_balance, clahe } = *preprocessing;
-    nvsp_prior_info {
         white_balance: match white_balance {
             WhiteBalance::None => NVSP_WHITE_BALANCE_NONE,
             WhiteBalance::GrayWorld => NVSP_WHITE_BALANCE_GRAY_WORLD,

@@ -60,7 +60,7 @@ impl Key {
 }
 
 impl PartialEq for Key {
-    /// In a time that does not tell where they differ.
+    /// Takes the same time wherever they differ.
     fn eq(&self, other: &Key) -> bool {
         constant_time_eq_32(&self.0, &other.0)
     }

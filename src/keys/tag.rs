@@ -78,7 +78,7 @@ impl Tagger {
         tag.copy_from_slice(&self.0.finalize().as_bytes()[..tag.len()]);
     }
 
-    /// Whether a tag is that of some content, found in a time that does not tell where it differs.
+    /// Whether a tag is that of some content. Takes the same time wherever the tag differs.
     pub fn matches(&mut self, input: &TagInput, content: &[u8], tag: &[u8]) -> bool {
         let mut expected = [0; MAX_TAG_BYTES];
         let Some(expected) = expected.get_mut(..tag.len()) else { return false };

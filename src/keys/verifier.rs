@@ -201,7 +201,7 @@ mod tests {
         let mut told = Verifier::new(&keys.clone().with_seen(seen), Content::Frame);
         assert_eq!(told.verify(&after), Err(Refusal::Replayed));
         assert!(told.verify(&sent(&mut vehicle, 0, b"next")).is_ok());
-        // A vehicle that starts again goes on where it was.
+        // A vehicle that starts again goes on counting.
         let keys = keys.with_number(vehicle.next_number()).unwrap();
         let mut again = Authenticator::new(&keys, Content::Frame);
         assert!(topside.verify(&sent(&mut again, 0, b"again")).is_ok());

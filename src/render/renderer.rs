@@ -277,8 +277,7 @@ impl Renderer {
         pose: &Pose,
     ) -> Result<Option<MutexGuard<'a, Content>>, Error> {
         let Some(window) = scene.window() else { return Ok(None) };
-        let options = &scene.splats.options;
-        let sight = |reach| Sight::new([*self.camera(level)].into_iter(), options, pose, reach);
+        let sight = |reach| self.sight(level, pose, reach);
         let (needed, wanted) = (sight(Reach::NONE), sight(window.wanted()));
         let seen = window.see(
             &scene.splats,
@@ -286,6 +285,12 @@ impl Renderer {
             |block| wanted.may_show(block),
         );
         seen.map(Some)
+    }
+
+    /// What a level can see within a reach of a pose.
+    fn sight(&self, level: usize, pose: &Pose, reach: Reach) -> Sight {
+        let options = &self.scene.splats.options;
+        Sight::new([*self.camera(level)].into_iter(), options, pose, reach)
     }
 
     /// Draws as many splats as the scene holds.
@@ -419,11 +424,10 @@ impl Renderer {
         let scene = self.scene.clone();
         let Some(window) = scene.window() else { return };
         let motion = self.drawn_at.replace(*pose).map(|before| pose.after(&before.inverse()).log());
-        let camera = *self.camera(0);
+        let reach = window.wanted().times(1.5);
         let ahead = |frames: f64| {
             let moved = motion.map_or(*pose, |motion| pose.stepped(&motion.map(|v| frames * v)));
-            let reach = window.wanted().times(1.5);
-            Sight::new([camera].into_iter(), &scene.splats.options, &moved, reach)
+            self.sight(0, &moved, reach)
         };
         window.expect(&AHEAD.map(ahead));
     }
@@ -589,8 +593,7 @@ impl Renderer {
         }
         let code = self.framed().coded_read.read::<Coded>(1)[0].code;
         let pose = pose_of(scene, &self.placed(&code));
-        let options = &scene.splats.options;
-        let sight = Sight::new([*self.camera(0)].into_iter(), options, &pose, Reach::NONE);
+        let sight = self.sight(0, &pose, Reach::NONE);
         if !window.has(|block| sight.may_show(block)) {
             let renders = self.renders[0];
             self.draw_coded_as_planned(&code)?;

@@ -94,6 +94,7 @@ pub(crate) struct Content {
     /// The same, by block.
     is_listed: Vec<bool>,
     staged: [Buffer; 2],
+    /// Room and counts; the rest follows from what is there.
     residency: Residency,
 }
 
@@ -158,7 +159,8 @@ impl Window {
     /// names, if there is room. As long as the guard is held, they stay.
     ///
     /// # Errors
-    /// If a block cannot be read, or there is no room for those that are needed. The planes then hold what they held.
+    /// If there is no room for those that are needed: then nothing changes. If a block cannot be read: then the blocks
+    /// that would have stayed in place are there.
     pub fn see(
         &self,
         splats: &SplatBuffers,
@@ -170,19 +172,16 @@ impl Window {
         if blocks().all(|(block, i)| content.is_listed[i as usize] || !needed(block)) {
             return Ok(content);
         }
-        let splats_of = |list: &[u32]| -> u64 {
-            list.iter().map(|i| u64::from(self.blocked.blocks()[*i as usize].splats)).sum()
-        };
         let list = |which: &dyn Fn(&Block) -> bool| -> Vec<u32> {
             blocks().filter(|(block, _)| which(block)).map(|(_, i)| i).collect()
         };
         let mut next = list(&|block| needed(block) || wanted(block));
-        if splats_of(&next) > self.room as u64 {
+        if self.splats_of(&next) > self.room {
             next = list(&needed);
         }
-        let needed = splats_of(&next);
-        if needed > self.room as u64 {
-            return Err(Error::TooManySplats { needed, room: self.room as u64 });
+        let (needed, room) = (self.splats_of(&next), self.room);
+        if needed > room {
+            return Err(Error::TooManySplats { needed: needed as u64, room: room as u64 });
         }
         self.bring(&mut content, splats, next)?;
         Ok(content)
@@ -214,8 +213,7 @@ impl Window {
     ) -> Result<(), Error> {
         let unread = |error| Error::Unread(Box::new(error));
         let same = next.iter().zip(&content.listed).take_while(|(a, b)| a == b).count();
-        let splats_of = |i: &u32| self.blocked.blocks()[*i as usize].splats as usize;
-        let mut at: usize = next[..same].iter().map(splats_of).sum();
+        let mut at = self.splats_of(&next[..same]);
         // What follows may fail midway: then only what stays in place is there.
         content.keep(same);
         splats.hold(at as u32, self.blocked.radius());
@@ -239,10 +237,6 @@ impl Window {
         }
         content.listed = next;
         content.residency.changes += 1;
-        let (blocks, host) = (content.listed.len(), self.cache.splats() as u64);
-        content.residency.blocks = blocks;
-        content.residency.splats = at;
-        content.residency.host_bytes = host * splat_bytes(self.blocked.sh_degree());
         splats.hold(at as u32, self.blocked.radius());
         Ok(())
     }
@@ -277,7 +271,19 @@ impl Window {
 
     /// What it did and holds.
     pub fn residency(&self) -> Residency {
-        self.content().residency
+        let content = self.content();
+        let host = self.cache.splats() as u64;
+        Residency {
+            blocks: content.listed.len(),
+            splats: self.splats_of(&content.listed),
+            host_bytes: host * splat_bytes(self.blocked.sh_degree()),
+            ..content.residency
+        }
+    }
+
+    /// Splats of some blocks.
+    fn splats_of(&self, list: &[u32]) -> usize {
+        list.iter().map(|index| self.blocked.blocks()[*index as usize].splats as usize).sum()
     }
 
     /// Notes that a search is done again, with more blocks.

@@ -91,7 +91,7 @@ impl CollectorOptions {
         Ok((packets + TAGS * waiting).saturating_add(updates))
     }
 
-    /// The same of a collector [with keys](Collector::with_keys).
+    /// The memory of a collector [with keys](Collector::with_keys), bytes.
     ///
     /// # Errors
     /// As [`CollectorOptions::memory`], or if the MTU has no room for tags.
