@@ -252,10 +252,10 @@ typedef struct nvsp_prior nvsp_prior;
 
 // Reads a prior from a file, checks it and copies it to the device. The content tells the format: a .ply as Inria's
 // trainer and nerfstudio write it, a compact prior (.nvsg) or a prior in blocks (.nvsb); with the feature "formats"
-// also an .spz or a .compressed.ply. Invalid splats are left out and logged as a warning. The file is not needed
-// afterwards, and no copy of it stays in host memory. While the call runs, host and device together take at most four
-// times the size of a binary .ply, or eight times the size of a text .ply. A file of another format takes more, by the
-// factor by which it is packed.
+// also an .spz, .glb, .sog or .compressed.ply. Invalid splats are left out and logged as a warning. The file is not
+// needed afterwards, and no copy of it stays in host memory. While the call runs, host and device together take at
+// most four times the size of a binary .ply, or eight times the size of a text .ply. A file of another format takes
+// more, by the factor by which it is packed.
 //
 // Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
 // if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes

@@ -112,6 +112,34 @@ fn other_containers_hold_the_same_scenes() {
     assert_silent(&engine());
 }
 
+/// tests/formats has twelve random splats of degree 1, and what PlayCanvas's splat-transform 2.7.1 made of them.
+#[test]
+fn other_programs_files_are_read_as_they_are_meant() {
+    let open = |name: &str| {
+        let file = format!("{}/tests/formats/{name}", env!("CARGO_MANIFEST_DIR"));
+        Prior::open(file.as_ref(), &Default::default()).unwrap()
+    };
+    let (plain, gltf, sog) = (open("twelve.ply"), open("twelve.glb"), open("twelve.sog"));
+    assert_eq!([gltf.report().format, sog.report().format], [PriorFormat::Gltf, PriorFormat::Sog]);
+    // Its glTF is turned about z by half a turn. Then y and x of degree 1 change their signs.
+    let mut turned = plain.splats().clone();
+    for [x, y, _] in &mut turned.positions {
+        (*x, *y) = (-*x, -*y);
+    }
+    // k (w + x i + y j + z k) = -z - y i + x j + w k.
+    let about_z = |[w, x, y, z]: [f32; 4]| [-z, -y, x, w];
+    turned.rotations.iter_mut().for_each(|q| *q = about_z(*q));
+    for sh in turned.sh.chunks_exact_mut(12) {
+        sh[3..6].iter_mut().for_each(|v| *v = -*v);
+        sh[9..12].iter_mut().for_each(|v| *v = -*v);
+    }
+    let found = differences(&turned, gltf.splats());
+    assert!(found.iter().all(|difference| *difference < 2e-6), "{found:?}");
+    // What it makes of its own SOG archive.
+    let found = differences(sog.splats(), open("twelve.sog.ply").splats());
+    assert!(found.iter().all(|difference| *difference < 2e-6), "{found:?}");
+}
+
 #[test]
 fn key_frames_go_from_container_to_container() {
     let key_frames = KeyFrames::new((0..50).map(random_pose).collect()).unwrap();

@@ -1,4 +1,4 @@
-//! An SPZ or a compressed PLY file: an error or a valid prior.
+//! A file of a foreign format but plain PLY: an error or a valid prior.
 use nvsprior::{Prior, RenderOverrides};
 
 pub fn run(bytes: &[u8]) {

@@ -51,6 +51,8 @@ pub enum PriorError {
     Shape { array: &'static str, found: usize, expected: usize },
     #[error("{format} of version {version}; this program reads version {known}: update it")]
     Newer { format: &'static str, version: u32, known: u32 },
+    #[error("{format}: {reason}")]
+    Content { format: &'static str, reason: String },
     #[error("{format}, byte {offset}: {reason}")]
     Field { format: &'static str, offset: u64, reason: String },
     #[error("damaged: the check says {stated:08x}, the content {found:08x}")]

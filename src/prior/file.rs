@@ -6,9 +6,9 @@ use std::path::Path;
 
 use super::error::PriorError;
 use super::file_content::PriorFile;
-#[cfg(feature = "formats")]
-use super::spz;
 use super::{blocked, compact, ply};
+#[cfg(feature = "formats")]
+use super::{gltf, sog, spz};
 
 /// Reads a file's content. The first bytes tell the format.
 pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
@@ -22,6 +22,14 @@ pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if spz::MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
         return spz::read(bytes);
     }
+    #[cfg(feature = "formats")]
+    if bytes.starts_with(gltf::MAGIC) {
+        return gltf::read(bytes);
+    }
+    #[cfg(feature = "formats")]
+    if bytes.starts_with(sog::MAGIC) {
+        return sog::read(bytes);
+    }
     ply::read_ply(bytes)
 }
 
@@ -30,7 +38,10 @@ fn is_known(start: &[u8]) -> bool {
     let known = [ply::MAGIC, compact::MAGIC, &blocked::MAGIC];
     let known = known.iter().any(|magic| start.starts_with(magic));
     #[cfg(feature = "formats")]
-    let known = known || spz::MAGICS.iter().any(|magic| start.starts_with(magic));
+    let known = known
+        || [spz::MAGICS[0], spz::MAGICS[1], gltf::MAGIC, sog::MAGIC]
+            .iter()
+            .any(|magic| start.starts_with(magic));
     known
 }
 

@@ -15,6 +15,8 @@ mod fault;
 mod file;
 mod file_content;
 pub mod filter_file;
+#[cfg(feature = "formats")]
+mod gltf;
 mod id;
 mod identity;
 mod key_frames;
@@ -29,6 +31,10 @@ mod ply_row;
 mod prior;
 mod replace;
 mod report;
+#[cfg(feature = "formats")]
+mod sh_rotation;
+#[cfg(feature = "formats")]
+mod sog;
 mod splats;
 #[cfg(feature = "formats")]
 mod spz;

@@ -26,6 +26,12 @@ pub enum PriorFormat {
     /// A scene in Niantic's format, of this version.
     #[cfg(feature = "formats")]
     Spz(u32),
+    /// A binary glTF file.
+    #[cfg(feature = "formats")]
+    Gltf,
+    /// A scene in PlayCanvas's format SOG.
+    #[cfg(feature = "formats")]
+    Sog,
 }
 
 impl fmt::Display for PriorFormat {
@@ -41,6 +47,10 @@ impl fmt::Display for PriorFormat {
             PriorFormat::PlyCompressed => "PLY, compressed",
             #[cfg(feature = "formats")]
             PriorFormat::Spz(version) => return write!(f, "SPZ, version {version}"),
+            #[cfg(feature = "formats")]
+            PriorFormat::Gltf => "glTF, binary",
+            #[cfg(feature = "formats")]
+            PriorFormat::Sog => "SOG, version 2",
         })
     }
 }

@@ -36,7 +36,7 @@ mod tests {
 
     #[test]
     fn tables_come_back() {
-        assert_eq!(to_bytes(None), []);
+        assert!(to_bytes(None).is_empty());
         let tables = sample_tables(1);
         let bytes = to_bytes(Some(&tables));
         let (found, size) = read(&[&bytes[..], &[7; 3]].concat(), 76).unwrap();

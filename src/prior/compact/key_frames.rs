@@ -205,7 +205,7 @@ mod tests {
     fn poses_come_back_within_half_a_step() {
         let key_frames = sample_key_frames(40);
         assert_near(&key_frames, &read_back(&key_frames));
-        assert_eq!(to_bytes(&KeyFrames::NONE), []);
+        assert!(to_bytes(&KeyFrames::NONE).is_empty());
         // One, and several at one place.
         for count in [1, 3] {
             let run = sample_key_frames(count);

@@ -49,7 +49,7 @@ mod tests {
 
     #[test]
     fn what_was_written_is_read_back() {
-        assert_eq!(to_bytes(&Preprocessing::NONE), []);
+        assert!(to_bytes(&Preprocessing::NONE).is_empty());
         for white_balance in [WhiteBalance::None, WhiteBalance::GrayWorld] {
             for clahe in [None, Some(Clahe::default()), Clahe::new(256.0, 32).ok()] {
                 let preprocessing = Preprocessing { white_balance, clahe };

@@ -25,7 +25,8 @@ use nvsprior_inputs::values;
 /// updates, print what they add and where.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene, .ply, .nvsg, .spz or .compressed.ply, or updates, .nvsu; the content tells the format
+    /// The trained scene, .ply, .nvsg, .spz, .glb, .sog or .compressed.ply, or updates, .nvsu; the content tells
+    /// the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]

@@ -27,7 +27,7 @@ use range::Sample;
 /// are, so only the side that encodes needs the key frames.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene: .ply, .nvsg, .spz or .compressed.ply; the content tells the format
+    /// The trained scene: .ply, .nvsg, .spz, .glb, .sog or .compressed.ply; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     /// cameras.json, or nerfstudio's transforms.json, with the poses of the mapping run's cameras

@@ -18,7 +18,8 @@ use crate::values;
 /// The prior and how to render it.
 #[derive(clap::Args)]
 pub struct PriorArgs {
-    /// The trained scene: .ply, .nvsg, .nvsb, .spz or .compressed.ply; the content tells the format
+    /// The trained scene: .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells
+    /// the format
     #[arg(long, value_name = "FILE")]
     pub prior: PathBuf,
     /// Most memory for the splats of a prior in blocks (.nvsb): only those that cameras see are loaded. Pictures stay

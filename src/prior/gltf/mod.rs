@@ -1,0 +1,122 @@
+//! Binary glTF files, `.glb`, with splats as Khronos's extension `KHR_gaussian_splatting` has them.
+//!
+//! A primitive of points has an accessor for positions, rotations (x, y, z, w), scales, opacities and each coefficient
+//! of the spherical harmonics. Scales and opacities stand there as they are, not as logarithms and logits. Node
+//! transforms are applied, so the prior's world is that of the file's scene: right-handed, y up. Nothing else is turned.
+//!
+//! Read are: all primitives with the extension in the scene that the file shows; the kernel `ellipse`, the projection
+//! `perspective`, the colours `srgb_rec709_display`; any component type that glTF allows; data in the file itself.
+//! Refused are other kernels, projections and colours, compression (SPZ within glTF is not settled), sparse accessors,
+//! files beside the file, and nodes that scale their axes differently. The sorting method is ignored: splats are always
+//! sorted by depth. Render options are [`RenderOptions::INRIA`].
+
+mod accessor;
+mod container;
+mod document;
+mod placement;
+
+use accessor::Accessors;
+use container::{Container, refusal};
+use document::{Document, Primitive, SPLATS};
+use placement::Placement;
+
+use super::limits::MAX_SPLATS;
+use super::spz::logit;
+use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use crate::image::Preprocessing;
+
+pub use container::MAGIC;
+
+/// Reads a binary glTF file. Memory grows with the number of splats that its scene shows.
+pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    let container = Container::read(bytes)?;
+    let document = Document::read(container.json)?;
+    let placements = placement::of_splats(&document)?;
+    let (Some(sh_degree), Some(count)) = (
+        placements.iter().map(|p| p.primitive.sh_degree()).max(),
+        placements
+            .iter()
+            .try_fold(0, |sum: usize, p| sum.checked_add(p.primitive.count(&document)?)),
+    ) else {
+        return Err(PriorError::Empty);
+    };
+    if count > MAX_SPLATS {
+        return Err(PriorError::TooMany { count });
+    }
+    let accessors =
+        Accessors { document: &document, data: container.data, start: container.data_start };
+    // Sizes are checked against the file before memory is taken for them.
+    let columns = placements.iter().map(|p| Columns::find(&accessors, p.primitive));
+    let columns = columns.collect::<Result<Vec<_>, _>>()?;
+    let mut splats = Splats::with_capacity(count, sh_degree);
+    for (placement, columns) in placements.iter().zip(columns) {
+        columns.append(placement, &mut splats);
+    }
+    Ok(PriorFile {
+        splats,
+        options: RenderOptions::INRIA,
+        format: PriorFormat::Gltf,
+        comments: document.asset.generator.iter().map(|by| format!("generator {by}")).collect(),
+        key_frames: KeyFrames::NONE,
+        coder_tables: None,
+        preprocessing: Preprocessing::NONE,
+        frame: None,
+    })
+}
+
+/// The numbers of a primitive's splats.
+struct Columns<'a> {
+    positions: accessor::Column<'a>,
+    rotations: accessor::Column<'a>,
+    scales: accessor::Column<'a>,
+    opacities: accessor::Column<'a>,
+    /// One for each coefficient.
+    sh: Vec<accessor::Column<'a>>,
+}
+
+impl<'a> Columns<'a> {
+    fn find(accessors: &Accessors<'a>, primitive: &Primitive) -> Result<Columns<'a>, PriorError> {
+        let find = |name: &str, width| accessors.column(primitive, name, width);
+        let splats = |name: &str, width| find(&format!("{SPLATS}:{name}"), width);
+        let degrees = 0..=primitive.sh_degree();
+        let coefficients = degrees.flat_map(|degree| (0..2 * degree + 1).map(move |n| (degree, n)));
+        let coefficient = |(degree, n)| splats(&format!("SH_DEGREE_{degree}_COEF_{n}"), 3);
+        let columns = Columns {
+            positions: find("POSITION", 3)?,
+            rotations: splats("ROTATION", 4)?,
+            scales: splats("SCALE", 3)?,
+            opacities: splats("OPACITY", 1)?,
+            sh: coefficients.map(coefficient).collect::<Result<_, _>>()?,
+        };
+        let due = columns.positions.count;
+        let others = [&columns.rotations, &columns.scales, &columns.opacities];
+        let others = others.into_iter().chain(&columns.sh);
+        let differs = others.map(|column| column.count).find(|count| *count != due);
+        match differs {
+            Some(count) => {
+                Err(refusal(format!("POSITION has {due} splats, another attribute {count}")))
+            }
+            None => Ok(columns),
+        }
+    }
+
+    /// Puts the splats where the node says, behind those that are there.
+    fn append(&self, placement: &Placement, splats: &mut Splats) {
+        let stride = splats.sh_stride();
+        for index in 0..self.positions.count {
+            splats.positions.push(placement.position(self.positions.get(index)));
+            splats.rotations.push(placement.rotation(self.rotations.get(index)));
+            splats.log_scales.push(placement.log_scales(self.scales.get(index)));
+            let [opacity] = self.opacities.get(index);
+            splats.opacity_logits.push(logit(opacity));
+            let mut sh = [[0.0; 3]; 16];
+            for (coefficient, column) in sh.iter_mut().zip(&self.sh) {
+                *coefficient = column.get(index);
+            }
+            splats.sh.extend_from_slice(&placement.sh(sh).as_flattened()[..stride]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
