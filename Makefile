@@ -8,8 +8,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 
 .PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
-	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check \
-	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors
+	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
+	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -24,6 +24,9 @@ help:
 	@echo "make test           all tests"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
+	@echo "make figures        measures what the documents show, into docs/results/: an hour, goes on after a cut;"
+	@echo "                    QUICK=1: minutes, compares only; ONLY=\"demo reef\": these; AGAIN=1: what is there, too"
+	@echo "make docs-tables    writes the tables of the documents from docs/results/"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
 	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
@@ -43,7 +46,9 @@ help:
 	@echo "make dist-test      builds the library from it without a network"
 	@echo "make subproject-test  a program with nvsprior as a subproject of CMake and of Meson"
 	@echo "make abi-check      compares the C library's ABI with the committed one; make abi-baseline renews that"
-	@echo "make licences       the list of what is linked in, after a change of dependencies; needs cargo-about"
+	@echo "make semver-check   compares the Rust library's API with that of the last release"
+	@echo "make licences       the lists of what is linked in, after a change of dependencies; needs cargo-about and"
+	@echo "                    cargo-cyclonedx"
 	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
 	@echo "make paper-test     the paper's learned baselines (tools/paper) in a Python of their own; installs PyTorch"
 	@echo "make setup-test     runs targets in a bare Debian, as a new user would: TARGETS=\"demo test lib deb\""
@@ -112,6 +117,14 @@ vectors:
 	@scripts/setup.sh run test
 	RENEW=1 cargo test --package nvsprior --test conformance
 
+figures:
+	@scripts/setup.sh run
+	cargo build --release --bin nvsprior
+	scripts/figures/measure.py $(if $(QUICK),--quick) $(if $(AGAIN),--again) $(ONLY)
+
+docs-tables:
+	scripts/figures/tables.py
+
 gst:
 	@scripts/setup.sh run gst
 	cargo build --release --package nvsprior-gst
@@ -135,6 +148,7 @@ lint:
 	python3 scripts/lines.py
 	cargo fmt --all --check
 	cargo clippy --workspace --exclude nvsprior-gst --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels
 
 lib:
 	@scripts/setup.sh lib
@@ -193,6 +207,9 @@ abi-baseline:
 	@scripts/setup.sh c
 	scripts/abi.sh baseline
 
+semver-check:
+	scripts/semver.sh
+
 setup-test:
 	scripts/setup-test.sh $(TARGETS)
 
@@ -225,7 +242,8 @@ shaders-check: shader-toolchain
 
 gpu-check:
 	@scripts/setup.sh gpu-check
-	cargo run -p nvsprior-lab --bin gpu-check -- $(if $(RENEW),--renew)
+	cargo build --workspace --exclude nvsprior-gst --bin gpu-check
+	$${CARGO_TARGET_DIR:-target}/debug/gpu-check $(if $(RENEW),--renew)
 
 device-report:
 	@scripts/setup.sh run

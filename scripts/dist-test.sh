@@ -10,6 +10,27 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 tar -C "$work" -xf "$archive"
 
+# A signature by a key that is made for this holds, and does not hold for another archive.
+(cd target/dist && sha256sum --check --quiet SHA256SUMS)
+if command -v gpg > /dev/null; then
+    mkdir -m 700 "$work/gnupg"
+    export GNUPGHOME="$work/gnupg"
+    gpg --batch --quiet --passphrase '' --quick-generate-key 'nvsprior dist-test' ed25519 sign 1d
+    SIGN='nvsprior dist-test' scripts/dist.sh > /dev/null
+    gpg --batch --quiet --verify "$archive.asc" "$archive"
+    gpg --batch --quiet --verify target/dist/SHA256SUMS.asc target/dist/SHA256SUMS
+    { cat "$archive"; echo; } > "$work/other"
+    if gpg --batch --quiet --verify "$archive.asc" "$work/other" 2> /dev/null; then
+        echo "dist-test: the signature holds for another archive" >&2
+        exit 1
+    fi
+    rm -f target/dist/*.asc
+    gpgconf --kill gpg-agent
+    unset GNUPGHOME
+else
+    echo "dist-test: signing not tried, there is no gpg"
+fi
+
 # A network namespace of its own has no network. Who is not root needs a user namespace too.
 root=$([ "$(id -u)" = 0 ] || echo --map-root-user)
 # shellcheck disable=SC2086

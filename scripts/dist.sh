@@ -1,7 +1,9 @@
 #!/bin/sh
 # Writes the source archive, target/dist/nvsprior-VERSION.tar.xz: the last commit, with all crates, so that it builds
 # without a network. Beside it: the recipes for Conan and vcpkg, with its address and checksums.
-# Usage: [ADDRESS=file://...] dist.sh; ADDRESS is where the archive will lie, this folder if it is not given.
+# Beside it, too: SHA256SUMS, and with SIGN the signatures *.asc of archive and sums.
+# Usage: [ADDRESS=file://...] [SIGN=KEY] dist.sh; ADDRESS is where the archive will lie, this folder if it is not given.
+# KEY is the one that GnuPG signs with.
 set -eu
 cd "$(dirname "$0")/.."
 version=$(sed -n '/^\[package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)
@@ -19,6 +21,15 @@ mkdir -p "$out"
 tar -C "$scratch" --sort=name --mtime="@$(git log -1 --format=%ct)" --owner=0 --group=0 --numeric-owner \
     --mode=u=rwX,go=rX -c "$name" | xz -T0 -6 > "$out/$name.tar.xz"
 echo "$out/$name.tar.xz: $(wc -c < "$out/$name.tar.xz") bytes, $(ls "$scratch/$name/vendor" | wc -l) crates"
+(cd "$out" && sha256sum "$name.tar.xz" > SHA256SUMS)
+rm -f "$out"/*.asc
+if [ -n "${SIGN:-}" ]; then
+    for file in "$name.tar.xz" SHA256SUMS; do
+        gpg --batch --local-user "$SIGN" --armor --output "$out/$file.asc" --detach-sign "$out/$file"
+    done
+else
+    echo "dist: not signed; SIGN=KEY signs with GnuPG" >&2
+fi
 
 # The recipes.
 url=${ADDRESS:-file://$out}/$name.tar.xz

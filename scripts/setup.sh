@@ -102,6 +102,9 @@ look() {
         glibc | paper) # Building for an old glibc: scripts/zig-linker.sh. The paper's learned baselines.
             python_venv
             ;;
+        semver) # The API beside that of the last release.
+            crate cargo-semver-checks@0.51.0 "cargo semver-checks"
+            ;;
         deb) # Debian packages, and a system to try them in.
             program dh debhelper
             program help2man

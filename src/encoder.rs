@@ -229,9 +229,10 @@ impl Encoder {
     }
 
     /// Tells the encoder that the topside has decoded a frame in full, residual and all:
-    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of [`Structure::Acknowledged`] later frames are predicted
-    /// from it. `frame` may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be a reference
-    /// frame, change nothing.
+    /// [`Decoded::kept`](crate::Decoded::kept). In a stream of
+    /// [`Structure::Acknowledged`](crate::residual::Structure::Acknowledged) later frames are predicted from it.
+    /// `frame` may be modulo 2¹⁶, as reports tell it. Frames that are unknown, or too old to be a reference frame,
+    /// change nothing.
     pub fn acknowledge(&mut self, frame: u32) {
         self.acknowledged.add(frame);
     }

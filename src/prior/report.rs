@@ -66,7 +66,7 @@ pub struct LoadReport {
     pub kept: usize,
     /// Splats left out, by reason; empty if all were valid.
     pub dropped: Vec<Dropped>,
-    /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`].
+    /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`](super::INFINITE_LOGIT).
     pub clamped_logits: usize,
     /// Comments in the file's header, unchanged, without those that are key frames.
     pub comments: Vec<String>,

@@ -12,7 +12,7 @@
 //! | 2 | wrong | some window is off by more than the second threshold, or the map was too coarse to say less |
 //! | 3 | not seen | nothing is known: no map came, or the difference picture that it is about did not |
 //!
-//! A map never says less than what is true. It says more of a block if that saves enough bytes: see [`choice`]. If it
+//! A map never says less than what is true. It says more of a block if that saves enough bytes: see `choice`. If it
 //! is still too long for its packet, several blocks share a cell of the map, which has the highest of their levels.
 //!
 //! **A packet that is cut.** The map is in front of the difference picture. If the end of that is missing, the picture

@@ -20,8 +20,8 @@ pub struct RateControlOptions {
     /// What of it is no transmission: search, coding, propagation; seconds.
     pub delay: f64,
     /// Time from a packet's first share to its last one, seconds, a part of the latency: the shares of packets lie
-    /// between each other, so that a burst of losses takes few of each. See [`Interleaver`](super::Interleaver). 0:
-    /// they follow each other.
+    /// between each other, so that a burst of losses takes few of each. See [`Interleaver`](crate::modem::Interleaver).
+    /// 0: they follow each other.
     pub spread: f64,
     /// Most pictures per second.
     pub frame_rate: f64,

@@ -2,7 +2,8 @@
 //!
 //! A primitive of points has an accessor for positions, rotations (x, y, z, w), scales, opacities and each coefficient
 //! of the spherical harmonics. Scales and opacities stand there as they are, not as logarithms and logits. Node
-//! transforms are applied, so the prior's world is that of the file's scene: right-handed, y up. Nothing else is turned.
+//! transforms are applied, so the prior's world is that of the file's scene: right-handed, y up. Nothing else is
+//! turned.
 //!
 //! Read are: all primitives with the extension in the scene that the file shows; the kernel `ellipse`, the projection
 //! `perspective`, the colours `srgb_rec709_display`; any component type that glTF allows; data in the file itself.

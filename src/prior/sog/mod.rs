@@ -1,9 +1,9 @@
 //! PlayCanvas's SOG files, version 2, as one archive.
 //!
-//! A ZIP archive of `meta.json` and lossless WebP pictures, in which the same pixel belongs to the same splat: positions
-//! (16 bits between bounds, of a signed logarithm), rotations (the smallest three of four, eight bits each), scales and
-//! colours (eight bits, by tables of values), opacities (eight bits), and spherical harmonics by a palette. Values are
-//! those of the PLY file that it was made of, in the same world: nothing is turned.
+//! A ZIP archive of `meta.json` and lossless WebP pictures, in which the same pixel belongs to the same splat:
+//! positions (16 bits between bounds, of a signed logarithm), rotations (the smallest three of four, eight bits each),
+//! scales and colours (eight bits, by tables of values), opacities (eight bits), and spherical harmonics by a palette.
+//! Values are those of the PLY file that it was made of, in the same world: nothing is turned.
 //!
 //! Not read are version 1, folders in place of an archive, scenes in several levels of detail (`lod-meta.json`), and
 //! lossy pictures. Render options are [`RenderOptions::INRIA`], anti-aliased if the file says so.

@@ -92,7 +92,7 @@ fn encode_basin(args: &Args, dives: &[Dive]) -> anyhow::Result<()> {
     let prior_file = args.out.join("prior.ply");
     let prior = write_prior(&prior_file, &args.scene.camera())?;
     let scene = engine.upload(&prior)?;
-    let mut tables = String::new();
+    let mut tables = Vec::new();
     for dive in dives {
         let mut frames = Vec::new();
         draw_dive(&args.out, args.scene.camera(), dive, args.frames.get(), |frame| {
@@ -102,11 +102,10 @@ fn encode_basin(args: &Args, dives: &[Dive]) -> anyhow::Result<()> {
         let job = Job { args, name, engine: &engine, scene: &scene, prior: &prior_file };
         let table = job.table(&frames)?;
         println!("\n{table}");
-        tables += &format!("{table}\n");
+        tables.push(table);
     }
     draw_views(args)?;
-    let path = args.out.join("table.txt");
-    std::fs::write(&path, tables).with_context(|| format!("writing {}", path.display()))?;
+    table::write(&args.out, &tables)?;
     println!("\nprior, runs, packets, pictures and contact sheets are in {}", args.out.display());
     args.device.check(&engine)
 }
@@ -177,9 +176,8 @@ impl Job<'_> {
         let webp = self.webp(frames, default.psnr)?;
         sheet::write(&self.args.out.join(format!("{}.png", self.name)), &pictures)?;
         let camera = self.args.scene.camera();
-        let (width, height) = (camera.width, camera.height);
-        let title = format!("{}, {} frames of {width}×{height}", self.name, frames.len());
-        Ok(Table { camera, title, rows: vec![webp, paper, default] })
+        let (run, frames) = (self.name, frames.len());
+        Ok(Table { camera, run, frames, rows: vec![webp, paper, default] })
     }
 
     /// Plain WebP of the frames, each at the least quality that reaches a PSNR.

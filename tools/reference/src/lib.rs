@@ -80,6 +80,8 @@ pub struct Twin<'a> {
     prior: &'a Prior,
     splats: Vec<Splat<'a>>,
     factor: u32,
+    /// How far the argument of alpha's power is moved.
+    power_moved: f64,
 }
 
 impl<'a> Twin<'a> {
@@ -87,12 +89,18 @@ impl<'a> Twin<'a> {
     pub fn new(prior: &'a Prior) -> Twin<'a> {
         let splats = prior.splats();
         let splats = (0..splats.len()).map(|i| Splat::new(splats, i)).collect();
-        Twin { prior, splats, factor: 1 }
+        Twin { prior, splats, factor: 1, power_moved: 0.0 }
     }
 
     /// The twin at a level of the pyramid, for cameras reduced by `factor`.
     pub fn reduced(self, factor: u32) -> Twin<'a> {
         Twin { factor, ..self }
+    }
+
+    /// The twin with the argument of alpha's power moved by one unit in the last place of an f32. The power multiplies
+    /// what rounding loses there by 64.
+    pub fn with_power_moved(self) -> Twin<'a> {
+        Twin { power_moved: 0.5 * f64::from(f32::EPSILON), ..self }
     }
 
     /// The prior's splats, activated.
@@ -120,7 +128,7 @@ impl<'a> Twin<'a> {
         let background = splat::background(view.options);
         let seen = self.project(&view);
         let blend = |pixel: &mut WatchedPixel, i: usize, centre| {
-            pixel.blend(&seen[i], view.options, centre);
+            pixel.blend(&seen[i], view.options, centre, self.power_moved);
         };
         splat::blend_rows(&seen, camera, &WatchedPixel::default(), blend)
             .par_iter()

@@ -9,6 +9,12 @@ use nvsprior_kernels::shared::{ALPHA_MIN, FRUSTUM_MARGIN, RATIO_MIN, THIN, WIDE}
 
 use super::{CUT_MARGIN, Channels, Viewpoint, harmonics};
 
+/// Depths, lengths of projected axes in pixels, and means in pixels beyond which a splat is not drawn. These bounds are
+/// part of the definition (docs/format/render.md): within them all of a device's results stay within f32.
+const DEPTHS: Range<f64> = 1e-18..1e30;
+const LONGEST: f64 = 1e30;
+const FURTHEST: f64 = 1e15;
+
 /// A splat of the prior, activated.
 #[derive(Clone, Copy, Debug)]
 pub struct Splat<'a> {
@@ -96,10 +102,15 @@ impl Linearisation {
         m0.cross(m1).length_squared() + low_pass * (trace + low_pass)
     }
 
+    /// The greatest number in the projected axes, pixels.
+    fn longest(&self, axes: &DMat3) -> f64 {
+        let longest = |row: DVec3| (axes.transpose() * row).abs().max_element();
+        longest(self.rows[0]).max(longest(self.rows[1]))
+    }
+
     /// The least determinant of a splat that is drawn: see [`THIN`].
     fn min_determinant(&self, axes: &DMat3) -> f64 {
-        let longest = |row: DVec3| (axes.transpose() * row).abs().max_element();
-        let max = longest(self.rows[0]).max(longest(self.rows[1]));
+        let max = self.longest(axes);
         if max > WIDE.into() { f64::from(THIN) * max.powi(4) } else { 0.0 }
     }
 
@@ -141,7 +152,7 @@ pub struct Projected {
 pub fn project(view: &Viewpoint, index: u32, splat: &Splat) -> Option<Projected> {
     let rotated = view.pose.matrix() * splat.position;
     let p = rotated + view.pose.translation;
-    if !(p.z > f64::from(view.options.near)) {
+    if !(p.z > f64::from(view.options.near) && DEPTHS.contains(&p.z)) {
         return None;
     }
     let linear = Linearisation::at(view, p);
@@ -150,7 +161,8 @@ pub fn project(view: &Viewpoint, index: u32, splat: &Splat) -> Option<Projected>
     let covariance = sharp + DMat2::from_diagonal(DVec2::splat(added));
     let axes = view.pose.matrix() * splat.axes;
     let det = linear.determinant(&axes, added);
-    if !(det > linear.min_determinant(&axes) && det.is_finite()) {
+    let drawn = linear.longest(&axes) < LONGEST && det > linear.min_determinant(&axes);
+    if !(drawn && det.is_finite()) {
         return None;
     }
     let opacity = splat.opacity * compensation(view, linear.determinant(&axes, kept) / det);
@@ -160,16 +172,17 @@ pub fn project(view: &Viewpoint, index: u32, splat: &Splat) -> Option<Projected>
     let reach = 2.0 * (opacity * (1.0 + CUT_MARGIN) / f64::from(ALPHA_MIN)).ln();
     let factor = factor(&covariance, det);
     let deviations = DVec2::new(covariance.x_axis.x.sqrt(), covariance.y_axis.y.sqrt());
-    (reach >= 0.0).then(|| Projected {
+    let mean = DVec2::new(
+        f64::from(c.fx) * p.x / p.z + f64::from(c.cx),
+        f64::from(c.fy) * p.y / p.z + f64::from(c.cy),
+    );
+    (reach >= 0.0 && mean.abs().max_element() < FURTHEST).then(|| Projected {
         index,
         camera: p,
         depth_error: 4.0
             * f64::from(f32::EPSILON)
             * (splat.position.length() + view.pose.translation.length()),
-        mean: DVec2::new(
-            f64::from(c.fx) * p.x / p.z + f64::from(c.cx),
-            f64::from(c.fy) * p.y / p.z + f64::from(c.cy),
-        ),
+        mean,
         covariance,
         conic: squared(factor),
         factor,

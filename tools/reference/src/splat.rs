@@ -41,9 +41,10 @@ impl Hit {
         (exponent <= 0.0).then_some(hit)
     }
 
-    /// With the alpha that pictures are drawn with: the power of 2 by the definition's polynomial.
-    pub fn drawn(self, options: &RenderOptions) -> Hit {
-        let s = f64::from(POWER_SHIFT) + f64::from(POWER_SCALE) * self.full.log2();
+    /// With the alpha that pictures are drawn with: the power of 2 by the definition's polynomial. `moved`: how far its
+    /// argument is moved.
+    pub fn drawn(self, options: &RenderOptions, moved: f64) -> Hit {
+        let s = f64::from(POWER_SHIFT) + f64::from(POWER_SCALE) * self.full.log2() + moved;
         let alpha = (s * s + f64::from(POWER_SUM)).powi(32);
         Hit { alpha: alpha.min(f64::from(options.alpha_max)), ..self }
     }

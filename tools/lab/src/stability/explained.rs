@@ -33,7 +33,8 @@ impl Explained {
     pub fn new(prior: &Prior, camera: &Camera, pose: &Pose) -> Result<Explained, PriorError> {
         let picture = Twin::new(prior).render(camera, pose);
         let mut rounding = vec![[0.0; 5]; picture.pixels.len()];
-        let other = Twin::new(&rounded(prior)?).render(camera, &nudged(prior, pose));
+        let other = rounded(prior)?;
+        let other = Twin::new(&other).with_power_moved().render(camera, &nudged(prior, pose));
         for (to, (a, b)) in rounding.iter_mut().zip(picture.pixels.iter().zip(&other.pixels)) {
             *to = std::array::from_fn(|k| (a[k] - b[k]).abs());
         }
