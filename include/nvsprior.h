@@ -219,6 +219,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 // No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders
 // and decoders that share such a prior work in turn, not at once. It is no part of the identity.
 #define NVSP_PRIOR_UPDATES 16
+// `trained_focal` is given.
+#define NVSP_PRIOR_TRAINED_FOCAL 32
 
 // Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 // must give the same.
@@ -238,6 +240,9 @@ typedef struct nvsp_prior_options {
   // Most memory for the splats of a prior in blocks (.nvsb), host and device together, MiB; 0: it is loaded whole.
   // See nvsp_prior_open.
   uint32_t blocks_memory;
+  // Focal length of the pictures that the prior was trained on, pixels, 1 to 1,000,000. With it a prior that does
+  // not state its own serves pictures of other sizes, too.
+  float trained_focal;
 } nvsp_prior_options;
 
 // A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
@@ -1061,6 +1066,8 @@ typedef struct nvsp_prior_info {
   uint32_t clahe_tiles;
   // Its clip limit, 1 to 256; 0: none.
   float clahe_clip_limit;
+  // Trained focal length in use, pixels; 0: none is stated.
+  float trained_focal;
 } nvsp_prior_info;
 
 // What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than

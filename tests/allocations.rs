@@ -4,6 +4,7 @@ mod common;
 mod scene;
 
 use std::alloc::System;
+use std::sync::Arc;
 
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
 use nvsprior::keys::{Key, Keys};
@@ -11,7 +12,9 @@ use nvsprior::modem::{
     Collector, CollectorOptions, Loss, Protection, RateControlOptions, Sender, SenderOptions,
 };
 use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
+use nvsprior::prior::blocked::{BlockedPrior, BlockedWriter, Extras};
 use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
+use nvsprior::render::{BlockReader, Scene};
 use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture, Rate, Structure,
@@ -44,10 +47,20 @@ fn heap_calls_with(
     let key_frames = KeyFrames::new((10..30).map(|t| pose(t.into())).collect()).unwrap();
     let prior = wall(1).with_key_frames(key_frames).with_preprocessing(preprocessing);
     let scene = engine.upload(&prior).unwrap();
-    let mut encoder = Encoder::new(engine, &scene, &CAMERA, options).unwrap();
+    heap_calls_of([&scene; 2], engine, frames, options)
+}
+
+/// The same with the scene of each side.
+fn heap_calls_of(
+    [sent, shown]: [&Arc<Scene>; 2],
+    engine: &Engine,
+    frames: &[Picture],
+    options: EncoderOptions,
+) -> usize {
+    let mut encoder = Encoder::new(engine, sent, &CAMERA, options).unwrap();
     encoder.prepare(usize::MAX).unwrap();
-    let mut decoder = Decoder::new(engine, &scene);
-    let mut filtering = Decoder::new(engine, &scene);
+    let mut decoder = Decoder::new(engine, shown);
+    let mut filtering = Decoder::new(engine, shown);
     filtering.set_filter(true).unwrap();
     let mut encoded = Encoded::with_room(CAMERA.width, CAMERA.height);
     let mut decoded = Decoded::default();
@@ -64,6 +77,32 @@ fn heap_calls_with(
     let region = Region::new(ALLOCATOR);
     frames[1..].iter().for_each(|frame| run(frame, None));
     calls(&region)
+}
+
+/// Heap calls of frames with a prior in blocks that do not change after the first frame.
+fn heap_calls_in_blocks(engine: &Engine, frames: &[Picture]) -> usize {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wall.nvsb");
+    let prior = wall(1);
+    let extras = Extras {
+        key_frames: prior.key_frames(),
+        coder_tables: None,
+        preprocessing: prior.preprocessing(),
+    };
+    let writer = BlockedWriter { block: 256, ..BlockedWriter::default() };
+    let file = std::fs::File::create(&path).unwrap();
+    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    let blocked = Arc::new(BlockedPrior::open(&path).unwrap());
+    let open = || engine.open_blocked(&blocked, 8 << 20, BlockReader::threaded()).unwrap();
+    let [sent, shown] = [open(), open()];
+    let rate = Some(Rate::Quality(60.0));
+    let options = EncoderOptions { rate, ..EncoderOptions::default() };
+    let calls = heap_calls_of([&sent, &shown], engine, frames, options);
+    for scene in [sent, shown] {
+        let residency = scene.residency().unwrap();
+        assert_eq!(residency.changes, 1, "{residency:?}");
+    }
+    calls
 }
 
 /// A packet with a residual of 100 and some bytes that are no picture.
@@ -160,6 +199,7 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
         let options = EncoderOptions { rate, camera_interval: 2, ..EncoderOptions::default() };
         assert_eq!(heap_calls(&engine, &frames, options), 0, "{rate:?}");
     }
+    assert_eq!(heap_calls_in_blocks(&engine, &frames), 0, "a prior in blocks");
     for structure in [Structure::Chain { key_every: 2 }, Structure::Keys { key_every: 0 }] {
         let rate = Some(Rate::Quality(60.0));
         let mode = Mode::Stream(structure);

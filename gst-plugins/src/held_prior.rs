@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use nvsprior::render::Scene;
+use nvsprior::prior::PriorError;
+use nvsprior::prior::blocked::BlockedPrior;
+use nvsprior::render::{BlockReader, Scene};
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Engine, Error, Prior};
 
@@ -14,6 +16,8 @@ use crate::property::PropertyError;
 #[derive(Clone, Debug, Default)]
 pub struct PriorSettings {
     pub prior: Option<String>,
+    /// Most memory for the splats of a prior in blocks, MiB; 0: it is loaded whole.
+    pub memory: u32,
     pub device: Option<String>,
     /// Milliseconds; 0: no bound.
     pub watchdog: u32,
@@ -32,7 +36,7 @@ impl HeldPrior {
         for_updates: bool,
     ) -> Result<HeldPrior, gst::ErrorMessage> {
         let Some(file) = &settings.prior else {
-            let what = "give the file of the trained scene, .ply, .nvsg or .spz";
+            let what = "give the file of the trained scene, .ply, .nvsg, .nvsb or .spz";
             let error = PropertyError::Missing("prior", what);
             return Err(gst::error_msg!(gst::ResourceError::Settings, ("{error}")));
         };
@@ -43,19 +47,41 @@ impl HeldPrior {
             gst::error_msg!(gst::ResourceError::OpenRead, ("{text}"))
         };
         let options = settings.device_options();
-        let prior = Prior::open(Path::new(file), &Default::default()).map_err(|e| unread(&e))?;
+        let content = settings.read(Path::new(file)).map_err(|e| unread(&e))?;
         let engine = Engine::new(&options)
             .map_err(|error| gst::error_msg!(gst::ResourceError::OpenReadWrite, ("{error}")))?;
-        let uploaded = match for_updates {
-            true => engine.upload_for_updates(&prior),
-            false => engine.upload(&prior),
+        let uploaded = match &content {
+            Content::Whole(prior) if for_updates => engine.upload_for_updates(prior),
+            Content::Whole(prior) => engine.upload(prior),
+            Content::InBlocks(blocked) => {
+                let limit = u64::from(settings.memory) << 20;
+                engine.open_blocked(blocked, limit, BlockReader::threaded())
+            }
         };
         let scene = uploaded.map_err(|e| unread(&e))?;
         Ok(HeldPrior { engine, scene })
     }
 }
 
+/// A prior as it was read.
+enum Content {
+    Whole(Box<Prior>),
+    InBlocks(Arc<BlockedPrior>),
+}
+
 impl PriorSettings {
+    /// Whether the prior stays in its file, and is loaded by what cameras see. It then takes no updates.
+    pub fn is_in_blocks(&self) -> bool {
+        self.memory > 0
+    }
+
+    fn read(&self, path: &Path) -> Result<Content, PriorError> {
+        match self.is_in_blocks() {
+            true => Ok(Content::InBlocks(Arc::new(BlockedPrior::open(path)?))),
+            false => Ok(Content::Whole(Box::new(Prior::open(path, &Default::default())?))),
+        }
+    }
+
     fn device_options(&self) -> DeviceOptions {
         let watchdog = u64::from(self.watchdog);
         DeviceOptions {

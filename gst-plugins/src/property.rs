@@ -37,6 +37,8 @@ pub enum PropertyError {
     Updates { name: &'static str, error: UpdateError },
     #[error("property learnt takes room for updates: do not set updates=false")]
     NoUpdates,
+    #[error("property {0}: the prior must be loaded whole. Do not set prior-memory")]
+    InBlocks(&'static str),
 }
 
 const CAMERA_FORM: &str =

@@ -9,6 +9,7 @@ mod scene;
 use fixture::{FRAMES, Fixture, Pipeline, RATE, bytes, fixture, frame_pose, pose_text, psnr};
 use gst::prelude::*;
 use nvsprior::modem::{Collected, Collector, CollectorOptions};
+use nvsprior::prior::blocked::{BlockedWriter, Extras};
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{Decoder, Encoder, EncoderOptions, Mode, Rate, Structure, Trust};
 use scene::{CAMERA, wall};
@@ -65,6 +66,30 @@ fn packets_and_pictures_are_the_librarys() {
         assert_eq!(shown.field::<String>("format"), Some("RGB".into()));
         assert_eq!(shown.field("framerate"), Some(gst::Fraction::new(RATE as i32, 1)));
     }
+}
+
+#[test]
+fn a_prior_in_blocks_gives_the_packets_of_the_whole_one() {
+    let fixture = fixture();
+    let path = fixture.file("wall.nvsb");
+    let prior = wall(1);
+    let extras = Extras {
+        key_frames: prior.key_frames(),
+        coder_tables: None,
+        preprocessing: prior.preprocessing(),
+    };
+    let writer = BlockedWriter { block: 256, ..BlockedWriter::default() };
+    let file = std::fs::File::create(&path).unwrap();
+    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    let run = |memory: u32, behind: &str| {
+        let encoder = format!("rate=bytes bytes=300 prior={path} prior-memory={memory}");
+        fixture.encoding(&encoder, behind).run(&fixture.frames).bytes()
+    };
+    let (whole, blocks) = (run(0, ""), run(2, ""));
+    assert_eq!(whole.len(), FRAMES);
+    assert_eq!(blocks, whole);
+    let decoder = |memory: u32| format!("nvspdec prior={path} prior-memory={memory}");
+    assert!(run(0, &decoder(2)) == run(2, &decoder(0)));
 }
 
 #[test]
@@ -194,6 +219,8 @@ fn what_cannot_start_says_why() {
         (format!("nvspenc {camera}"), "property prior"),
         (format!("nvspenc prior={prior} {camera} device=nonesuch"), "nonesuch"),
         (format!("nvspenc prior={prior} {camera} start=1,2"), "property start"),
+        (format!("nvspenc prior={prior} {camera} prior-memory=8"), "prior.ply"),
+        (format!("nvspenc prior={prior} {camera} prior-memory=8 learn=60"), "property learn"),
     ] {
         let pipeline = Pipeline::new(&format!("{} ! {encoder}", Fixture::source()));
         assert!(pipeline.0.set_state(gst::State::Playing).is_err(), "{encoder}");

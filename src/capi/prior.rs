@@ -53,6 +53,8 @@ pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
 /// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders
 /// and decoders that share such a prior work in turn, not at once. It is no part of the identity.
 pub const NVSP_PRIOR_UPDATES: u32 = 16;
+/// `trained_focal` is given.
+pub const NVSP_PRIOR_TRAINED_FOCAL: u32 = 32;
 
 impl PriorContent {
     /// The prior on the engine's device.
@@ -83,8 +85,11 @@ pub struct nvsp_prior_options {
     /// Most memory for the splats of a prior in blocks (.nvsb), host and device together, MiB; 0: it is loaded whole.
     /// See nvsp_prior_open.
     pub blocks_memory: u32,
+    /// Focal length of the pictures that the prior was trained on, pixels, 1 to 1,000,000. With it a prior that does
+    /// not state its own serves pictures of other sizes, too.
+    pub trained_focal: f32,
 }
-versioned!(nvsp_prior_options, 36, 40);
+versioned!(nvsp_prior_options, 36, 44);
 
 /// Colours were left as they were.
 pub const NVSP_WHITE_BALANCE_NONE: u32 = 0;
@@ -127,8 +132,10 @@ pub struct nvsp_prior_info {
     pub clahe_tiles: u32,
     /// Its clip limit, 1 to 256; 0: none.
     pub clahe_clip_limit: f32,
+    /// Trained focal length in use, pixels; 0: none is stated.
+    pub trained_focal: f32,
 }
-versioned!(nvsp_prior_info, 80);
+versioned!(nvsp_prior_info, 80, 84);
 
 /// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
 /// the device memory was made for makes a frame take more.
@@ -347,11 +354,13 @@ fn info_of_blocked(blocked: &BlockedPrior) -> nvsp_prior_info {
 
 fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
     let nvsp_prior_options { given, near_plane, alpha_max, antialiased, background, .. } = *options;
+    let trained_focal = options.trained_focal;
     let known = NVSP_PRIOR_NEAR
         | NVSP_PRIOR_ALPHA_MAX
         | NVSP_PRIOR_ANTIALIASED
         | NVSP_PRIOR_BACKGROUND
-        | NVSP_PRIOR_UPDATES;
+        | NVSP_PRIOR_UPDATES
+        | NVSP_PRIOR_TRAINED_FOCAL;
     if given & !known != 0 {
         return Err(Failure::argument("nvsp_prior_options.given"));
     }
@@ -376,6 +385,11 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
             NVSP_PRIOR_BACKGROUND,
             "nvsp_prior_options.background: its bit is not in `given`",
         ),
+        (
+            trained_focal != 0.0,
+            NVSP_PRIOR_TRAINED_FOCAL,
+            "nvsp_prior_options.trained_focal: its bit is not in `given`",
+        ),
     ];
     // A NaN differs from 0, so it is stated.
     if let Some((_, _, what)) = stated.into_iter().find(|(set, bit, _)| *set && given & bit == 0) {
@@ -386,7 +400,7 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
         alpha_max: (given & NVSP_PRIOR_ALPHA_MAX != 0).then_some(alpha_max),
         antialiased: (given & NVSP_PRIOR_ANTIALIASED != 0).then_some(antialiased != 0),
         background: (given & NVSP_PRIOR_BACKGROUND != 0).then_some(background),
-        trained_focal: None,
+        trained_focal: (given & NVSP_PRIOR_TRAINED_FOCAL != 0).then_some(trained_focal),
     })
 }
 
@@ -424,6 +438,7 @@ fn drawn_so(
         alpha_max: options.alpha_max,
         antialiased: options.antialiased.into(),
         background: options.background,
+        trained_focal: options.trained_focal.unwrap_or(0.0),
         centre: frame.centre,
         spread: frame.spread,
         white_balance: match white_balance {

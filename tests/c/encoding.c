@@ -596,13 +596,14 @@ static void absurd_numbers(void) {
         EXPECT(NVSP_ERR_CAMERA, nvsp_encoder_set_camera(both.encoder, &camera));
         EXPECT(NVSP_ERR_CAMERA, nvsp_decoder_add_camera(both.decoder, &camera));
     }
-    for (int i = 0; i < 4; i++) {
-        const char *const names[] = {"near_plane", "alpha_max", "antialiased", "background"};
+    for (int i = 0; i < 5; i++) {
+        const char *const names[] = {"near_plane", "alpha_max", "antialiased", "background", "trained_focal"};
         nvsp_prior_options render = NVSP_INITIALIZER(nvsp_prior_options);
         render.near_plane = i == 0 ? 0.3f : 0;
         render.alpha_max = i == 1 ? 0.9f : 0;
         render.antialiased = i == 2;
         render.background[2] = i == 3 ? NAN : 0;
+        render.trained_focal = i == 4 ? 300 : 0;
         named(NVSP_ERR_ARGUMENT, nvsp_prior_open(both.engine, dive.prior, &render, &prior), both.engine, names[i]);
     }
     const nvsp_image image = scene_image(&dive, 0);
@@ -620,6 +621,25 @@ static void absurd_numbers(void) {
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(both.encoder, &image, with_hint(&hint)));
     }
     CHECK(written == 77 && made == NULL && prior == NULL);
+}
+
+// The focal length that a prior was trained at can be stated; that makes it another prior.
+static void trained_focal(void) {
+    nvsp_prior_options options = NVSP_INITIALIZER(nvsp_prior_options);
+    nvsp_prior_info infos[2] = {NVSP_INITIALIZER(nvsp_prior_info), NVSP_INITIALIZER(nvsp_prior_info)};
+    nvsp_prior *prior = NULL;
+    options.given = NVSP_PRIOR_TRAINED_FOCAL;
+    options.trained_focal = 300;
+    MUST(nvsp_prior_open(both.engine, dive.prior, &options, &prior));
+    EXPECT(NVSP_OK, nvsp_prior_get_info(both.prior, &infos[0]));
+    EXPECT(NVSP_OK, nvsp_prior_get_info(prior, &infos[1]));
+    CHECK(infos[0].trained_focal == 0 && infos[1].trained_focal == 300);
+    CHECK(infos[0].id != infos[1].id && infos[0].splats == infos[1].splats);
+    nvsp_prior_destroy(prior);
+    prior = NULL;
+    options.trained_focal = 0.5f;
+    named(NVSP_ERR_ARGUMENT, nvsp_prior_open(both.engine, dive.prior, &options, &prior), both.engine, "trained_focal");
+    CHECK(prior == NULL);
 }
 
 // A prior belongs to its engine; above the limits nothing is made; repeated errors are counted, not repeated.
@@ -694,6 +714,7 @@ int main(int argc, char **argv) {
     another_camera();
     order_of_ends();
     absurd_numbers();
+    trained_focal();
     another_engine();
     return tear_down();
 }

@@ -207,7 +207,7 @@ static const struct {
     {sizeof(nvsp_device_info), device_info, 1, 0},
     {sizeof(nvsp_memory_estimate), estimate, 1, 0},
     {sizeof(nvsp_prior_options), prior_options, 0, 36},
-    {sizeof(nvsp_prior_info), prior_info, 1, 0},
+    {sizeof(nvsp_prior_info), prior_info, 1, 80},
     {sizeof(nvsp_prior_blocks), prior_blocks, 1, 0},
     {sizeof(nvsp_encoder_options), encoder_options, 0, 80},
     {sizeof(nvsp_frame_info), frame_info, 0, 0},

@@ -17,13 +17,14 @@ mod vector;
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 
-use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
+use nvsprior::prior::blocked::{BlockedWriter, Extras};
 use nvsprior::prior::{KeyFrames, compact, ply};
+use nvsprior::{Prior, RenderOptions};
 use serde_json::{Value, json};
 
 use common::{assert_silent, engine};
-use dive::{odd_prior, own_tables, prior};
+use dive::{CAMERA, odd_prior, own_tables, prior};
 use vector::{Kind, Vector, VectorKeys};
 
 fn folder() -> PathBuf {
@@ -51,8 +52,24 @@ fn priors() -> Vec<(&'static str, Vec<u8>)> {
         bytes
     };
     let tables = compact::with_coder_tables(&packed, Some(&own_tables())).unwrap();
+    let focal = RenderOptions { trained_focal: Some(CAMERA.fx), ..RenderOptions::INRIA };
+    let blocked = {
+        let (prior, mut bytes) = (prior(), Vec::new());
+        let key_frames = KeyFrames::new((0..2).map(dive::pose).collect()).unwrap();
+        let tables = own_tables();
+        let extras = Extras {
+            key_frames: &key_frames,
+            coder_tables: Some(&tables),
+            preprocessing: prior.preprocessing(),
+        };
+        let writer = BlockedWriter { block: 100, ..BlockedWriter::default() };
+        writer.write(prior.splats(), &focal, &extras, &mut bytes, &mut |_| ()).unwrap();
+        bytes
+    };
     vec![
         ("prior.ply", ply(&prior())),
+        ("focal.ply", ply(&Prior::from_splats(prior().splats().clone(), focal).unwrap())),
+        ("blocked.nvsb", blocked),
         ("odd.ply", ply(&odd_prior())),
         ("prior.nvsg", packed),
         ("tables.nvsg", tables),

@@ -106,10 +106,27 @@ fn renders(prior: &dyn Fn(&str) -> Prior) -> Vec<Vector> {
         ];
         Vector { prior: name, ..Vector::packets(vector, description, records) }
     };
+    let sizes = {
+        let dive = Dive::of(prior("focal.ply"));
+        [1, 2, 4].map(|by| dive.key(&CAMERA.resized(48 * by, 27 * by), by))
+    };
     vec![
         of("odd.ply", "prior-odd", "a prior of degree 3, anti-aliased, with a background, clamped"),
         of("prior.nvsg", "prior-compact", "a compact prior"),
         of("tables.nvsg", "prior-tables", "a compact prior with coder tables of its own"),
+        of(
+            "blocked.nvsb",
+            "prior-blocked",
+            "a blocked prior with coder tables and a trained focal length",
+        ),
+        Vector {
+            prior: "focal.ply",
+            ..Vector::packets(
+                "prior-focal",
+                "a prior with a trained focal length, at half of its size, at it, and at twice",
+                sizes.to_vec(),
+            )
+        },
     ]
 }
 

@@ -290,7 +290,7 @@ fn of_modem(error: &ModemError) -> &'static str {
 
 fn of_prior(error: &PriorError) -> &'static str {
     match error {
-        PriorError::InFile { error, .. } => of_prior(error),
+        PriorError::InFile { error, .. } | PriorError::InBlock { error, .. } => of_prior(error),
         PriorError::UnknownFormat => "magic",
         PriorError::Newer { .. } => "version",
         PriorError::Truncated { .. } => "truncated",

@@ -31,7 +31,7 @@ fn checked(mut bytes: Vec<u8>) -> Vec<u8> {
 fn files() -> Vec<Vector> {
     let all = crate::priors();
     let file = |name: &str| all.iter().find(|(own, _)| *own == name).unwrap().1.clone();
-    let [packed, tables] = ["prior.nvsg", "tables.nvsg"].map(file);
+    let [packed, tables, blocked] = ["prior.nvsg", "tables.nvsg", "blocked.nvsb"].map(file);
     let edited = |at, by| checked(with(&packed, at, by));
     let bad = vec![
         with(&packed, 0, 1),
@@ -49,13 +49,42 @@ fn files() -> Vec<Vector> {
         checked(with(&tables, 200, 1)),
         edited(76, 0xFF),
     ];
+    let bad = [bad, bad_blocks(&blocked)].concat();
     let of = |name: &str, description, records| Vector {
         kind: Kind::Priors,
         ..Vector::packets(name, description, records)
     };
     vec![
-        of("priors", "files of priors and their identities", vec![packed, tables]),
+        of("priors", "files of priors and their identities", vec![packed, tables, blocked]),
         of("priors-bad", "files of priors that must be refused", bad),
+    ]
+}
+
+/// Blocked priors whose heads or blocks are not right.
+fn bad_blocks(blocked: &[u8]) -> Vec<Vec<u8>> {
+    let size = u32::from_le_bytes([8, 9, 10, 11].map(|at| blocked[at])) as usize;
+    // The head's check made right again.
+    let edited = |at: usize, by: u8| {
+        let mut bytes = with(blocked, at, by);
+        let check = crc32fast::hash(&bytes[..size - 4]);
+        bytes[size - 4..size].copy_from_slice(&check.to_le_bytes());
+        bytes
+    };
+    vec![
+        with(blocked, 20, 1),
+        blocked[..11].to_vec(),
+        blocked[..size - 1].to_vec(),
+        blocked[..blocked.len() - 1].to_vec(),
+        with(blocked, size + 300, 1),
+        edited(4, 2),
+        edited(5, 4),
+        edited(6, 4),
+        edited(7, 16),
+        edited(12, 1),
+        edited(16, 1),
+        // A block's box, then its longest splat, a quarter or less of what it was.
+        edited(68 + 8 + 3, 0x80),
+        edited(68 + 32 + 3, 0x02),
     ]
 }
 

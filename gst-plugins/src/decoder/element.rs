@@ -109,8 +109,11 @@ struct Counts {
 #[properties(wrapper_type = super::Decoder)]
 pub struct Decoder {
     #[property(name = "prior", get, set, type = Option<String>, member = prior, mutable_ready,
-        blurb = "File of the trained scene, the same as the vehicle's: .ply, .nvsg, .spz; the content tells the \
+        blurb = "File of the trained scene, the same as the vehicle's: .ply, .nvsg, .nvsb, .spz; the content tells the \
             format")]
+    #[property(name = "prior-memory", get, set, type = u32, member = memory, mutable_ready,
+        blurb = "Most memory for the splats of a prior in blocks (.nvsb), MiB: only those that cameras see are loaded; \
+            0: it is loaded whole")]
     #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
         blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
     #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
@@ -396,7 +399,12 @@ impl ElementImpl for Decoder {
 impl VideoDecoderImpl for Decoder {
     fn start(&self) -> Result<(), gst::ErrorMessage> {
         let updates = lock(&self.settings).updates;
-        let held = HeldPrior::open(&lock(&self.prior).clone(), updates)?;
+        let prior = lock(&self.prior).clone();
+        if prior.is_in_blocks() && lock(&self.settings).learnt.is_some() {
+            let error = property::PropertyError::InBlocks("learnt");
+            return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
+        }
+        let held = HeldPrior::open(&prior, updates)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         let mut decoder = nvsprior::Decoder::new(&held.engine, &held.scene);
         if let Some(camera) = &lock(&self.settings).camera {

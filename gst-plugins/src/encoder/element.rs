@@ -58,7 +58,10 @@ struct Counts {
 #[properties(wrapper_type = super::Encoder)]
 pub struct Encoder {
     #[property(name = "prior", get, set, type = Option<String>, member = prior, mutable_ready,
-        blurb = "File of the trained scene: .ply, .nvsg, .spz; the content tells the format")]
+        blurb = "File of the trained scene: .ply, .nvsg, .nvsb, .spz; the content tells the format")]
+    #[property(name = "prior-memory", get, set, type = u32, member = memory, mutable_ready,
+        blurb = "Most memory for the splats of a prior in blocks (.nvsb), MiB: only those that cameras see are loaded; \
+            0: it is loaded whole")]
     #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
         blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
     #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
@@ -450,7 +453,12 @@ impl VideoEncoderImpl for Encoder {
             return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
         }
         let takes_updates = lock(&self.settings).takes_updates();
-        let held = HeldPrior::open(&lock(&self.prior).clone(), takes_updates)?;
+        let prior = lock(&self.prior).clone();
+        if takes_updates && prior.is_in_blocks() {
+            let error = property::PropertyError::InBlocks("learn and updates");
+            return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
+        }
+        let held = HeldPrior::open(&prior, takes_updates)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         let dive_file = self.dive_file(&held)?;
         *lock(&self.counts) = Counts::default();

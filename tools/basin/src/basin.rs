@@ -29,6 +29,10 @@ pub const BRACED_PILES: [Vec3; 2] = {
     [Vec3::new(x - BARREL_RADIUS, 0.0, 0.0), Vec3::new(x - BARREL_RADIUS, y - BARREL_RADIUS, 0.0)]
 };
 
+/// Structures of the row, and the distance from one to the next, along y.
+pub const ROW: u8 = 3;
+pub const ROW_STEP: f32 = 12.8;
+
 /// The scene of the mapping run and of T1.
 pub fn mapped() -> Scene {
     of_pipes(pipes())
@@ -48,9 +52,32 @@ pub fn with_new_object() -> Scene {
     mapped().with(vec![Solid::block(centre, half, 0.35, Material::Steel, 1)])
 }
 
-/// Floor, water surface and four walls, as blocks around the water body.
-fn pool() -> Group {
+/// A row of such structures in one long pool. Each is painted in its own way.
+pub fn row() -> Scene {
+    let copy = |copy: u8| {
+        let along = f32::from(copy) * ROW_STEP * Vec3::Y;
+        let seed = 1024 * u32::from(copy);
+        mapped().groups.into_iter().map(move |group| {
+            let moved = |solid: Solid| Solid {
+                centre: solid.centre + along,
+                seed: solid.seed + seed,
+                ..solid
+            };
+            Group::new(group.solids.into_iter().map(moved).collect())
+        })
+    };
     let (low, high) = BASIN;
+    let end = high + f32::from(ROW - 1) * ROW_STEP * Vec3::Y;
+    let groups = (0..ROW).flat_map(copy).collect();
+    Scene { groups, enclosure: pool_within((low, end)), water: Water::BASIN, weeks: 0.0 }
+}
+
+fn pool() -> Group {
+    pool_within(BASIN)
+}
+
+/// Floor, water surface and four walls, as blocks around the water body.
+fn pool_within((low, high): (Vec3, Vec3)) -> Group {
     let (centre, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let slab = |axis: usize, side: f32, material, seed| {
         let mut c = centre;

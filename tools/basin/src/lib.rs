@@ -58,15 +58,18 @@ pub enum Site {
     Basin,
     /// A harbour's wall of sheet piles, in green water.
     Quay,
+    /// Three structures of oil barrels in a long basin.
+    Row,
 }
 
 impl Site {
-    pub const ALL: [Site; 2] = [Site::Basin, Site::Quay];
+    pub const ALL: [Site; 3] = [Site::Basin, Site::Quay, Site::Row];
 
     pub fn mapping_run_name(self) -> &'static str {
         match self {
             Site::Basin => "M1",
             Site::Quay => "M2",
+            Site::Row => "M3",
         }
     }
 
@@ -74,6 +77,7 @@ impl Site {
         match self {
             Site::Basin => basin::mapped(),
             Site::Quay => quay::mapped(),
+            Site::Row => basin::row(),
         }
     }
 
@@ -81,6 +85,7 @@ impl Site {
         match self {
             Site::Basin => trajectory::basin::mapping_poses(),
             Site::Quay => trajectory::quay::mapping_poses(),
+            Site::Row => trajectory::basin::row_mapping_poses(),
         }
     }
 }
@@ -128,6 +133,7 @@ pub fn mapping_run_by(
     let tag = match site {
         Site::Basin => 0,
         Site::Quay => 4,
+        Site::Row => 8,
     };
     site.mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
         // The mapping run takes its time: a picture every 4 seconds.
@@ -168,7 +174,7 @@ pub fn dive_by(
         let draw = |scene: &Scene| draw(scene, &camera, &conditions, pose, index, time, dive.tag());
         match dive.run {
             Run::T2 => draw(&scene.clone().with(safety_line::solids(&pose, time))),
-            Run::T1 | Run::T3 | Run::T4 | Run::T5 => draw(&scene),
+            Run::T1 | Run::T3 | Run::T4 | Run::T5 | Run::T6 => draw(&scene),
         }
     })
 }

@@ -3,7 +3,8 @@
 use nvsprior::Pose;
 
 use super::scene::Scene;
-use super::trajectory::{FRAME_RATE, basin::Track, basin::inspection_pose, quay as quay_track};
+use super::trajectory::basin::{Track, inspection_pose, row_pose};
+use super::trajectory::{FRAME_RATE, quay as quay_track};
 use super::{Site, ageing, basin, quay};
 
 /// The inspection runs, some time after the mapping run.
@@ -19,10 +20,12 @@ pub enum Run {
     T4,
     /// The basin months later: much growth, the chain still there, a pipe that has come off, other light again.
     T5,
+    /// The row as mapped, along its side.
+    T6,
 }
 
 impl Run {
-    pub const ALL: [Run; 5] = [Run::T1, Run::T2, Run::T3, Run::T4, Run::T5];
+    pub const ALL: [Run; 6] = [Run::T1, Run::T2, Run::T3, Run::T4, Run::T5, Run::T6];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -31,6 +34,7 @@ impl Run {
             Run::T3 => "T3",
             Run::T4 => "T4",
             Run::T5 => "T5",
+            Run::T6 => "T6",
         }
     }
 
@@ -38,13 +42,14 @@ impl Run {
         match self {
             Run::T1 | Run::T2 | Run::T4 | Run::T5 => Site::Basin,
             Run::T3 => Site::Quay,
+            Run::T6 => Site::Row,
         }
     }
 
     /// Weeks since the mapping run. 0: the run's scene does not age.
     pub fn weeks(self) -> f32 {
         match self {
-            Run::T1 | Run::T2 | Run::T3 => 0.0,
+            Run::T1 | Run::T2 | Run::T3 | Run::T6 => 0.0,
             Run::T4 => 4.0,
             Run::T5 => 26.0,
         }
@@ -58,6 +63,7 @@ impl Run {
             Run::T3 => 5,
             Run::T4 => 6,
             Run::T5 => 7,
+            Run::T6 => 11,
         }
     }
 }
@@ -66,7 +72,7 @@ impl Run {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dive {
     pub run: Run,
-    /// Weeks since the mapping run. The scenes of T1, T2 and T3 do not age.
+    /// Weeks since the mapping run. The scenes of T1, T2, T3 and T6 do not age.
     pub weeks: f32,
     /// From 1.
     pub number: u8,
@@ -87,6 +93,7 @@ impl Dive {
             Run::T2 => basin::with_new_object(),
             Run::T3 => quay::later(),
             Run::T4 | Run::T5 => ageing::basin_after(self.weeks),
+            Run::T6 => basin::row(),
         }
     }
 
@@ -105,6 +112,7 @@ impl Dive {
             Run::T3 => quay_track::inspection_pose(earlier, time),
             Run::T4 => on(Track::T4),
             Run::T5 => on(Track::T5),
+            Run::T6 => row_pose(earlier, time),
         }
     }
 

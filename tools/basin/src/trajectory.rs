@@ -60,6 +60,10 @@ mod tests {
                 let aim = match site {
                     Site::Basin => DVec3::Z * 1.5,
                     Site::Quay => DVec3::new(0.0, centre.y, 1.5),
+                    Site::Row => {
+                        let step = f64::from(super::super::basin::ROW_STEP);
+                        DVec3::new(0.0, step * (centre.y / step).round(), 1.5)
+                    }
                 };
                 let aim = pose.rotation * aim + pose.translation;
                 assert!(aim.z > 1.0, "{centre} looks away: {aim}");

@@ -49,7 +49,7 @@ pub struct Args {
     views: usize,
     #[command(flatten)]
     scene: SceneArgs,
-    /// Only draws the site's mapping run, M1 or M2, that a prior is trained from
+    /// Only draws the site's mapping run, M1, M2 or M3, that a prior is trained from
     #[arg(long, conflicts_with_all = ["run", "draw_only"])]
     mapping_run: bool,
     /// Only draws: writes each run's frames and camera file, and opens no device

@@ -4,13 +4,14 @@ mod course;
 mod from;
 mod inputs;
 mod memory;
+mod parts;
 mod report;
 mod saved;
 mod shown;
 mod structure;
 mod video;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use nvsprior::image::Preprocessing;
@@ -30,6 +31,7 @@ use crate::picture_renderer::PictureRenderer;
 use course::{Budget, Course};
 use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
+use parts::PartsRun;
 use report::Report;
 use saved::Saved;
 use structure::{Search, StructureArgs};
@@ -71,6 +73,11 @@ pub struct Args {
     /// Correct the pictures' poses by the prior, now and then
     #[arg(long)]
     correct_poses: bool,
+    /// Train the run in so many parts along it, one after the other, in the memory of one part. --splats and
+    /// --iterations are then for each part
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000),
+        conflicts_with_all = ["from", "exposure", "correct_poses"])]
+    parts: Option<u16>,
     /// Seed of all that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -136,6 +143,10 @@ impl Args {
             None => Budget::Iterations(self.iterations.unwrap_or(usual)),
         }
     }
+
+    fn save_every(&self) -> Duration {
+        Duration::from_secs(self.save_every.into())
+    }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -168,6 +179,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Some(_) => options,
         None => options.stating_focal(&listed.size),
     };
+    if let Some(parts) = args.parts {
+        let engine = &engine;
+        let run = PartsRun { args, engine, listed, options, preprocessing, container };
+        return run.run(parts.into(), poses);
+    }
     memory::check(&engine, &listed, &options, from.is_some())?;
     let inputs = args.inputs.read(listed, &preprocessing)?;
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
@@ -188,26 +204,52 @@ fn train(
     options: &MapOptions,
     inputs: MapInputs,
 ) -> anyhow::Result<(Mapper, Report)> {
-    let MapInputs { train, held_out, points } = inputs;
-    let mut report = Report::new(args.report.as_deref(), held_out);
     let budget = args.budget(from);
-    let save_every = Duration::from_secs(args.save_every.into());
-    if let Some(prior) = from {
-        let memory = args.from.memory(engine, prior, &args.inputs, &train)?;
-        let mut mapper = Mapper::going_on(engine, prior, train, memory, options)?;
-        // It is short: no state is saved.
-        Course { budget, save: &|_| Ok(()), save_every }.run(&mut mapper, &mut report)?;
-        return Ok((mapper, report));
-    }
-    let fingerprint = inputs::fingerprint(&train, &points, options, &budget);
-    let mut mapper = Mapper::new(engine, train, &points, options)?;
-    let saved = Saved::beside(&args.out, fingerprint);
-    if args.resume {
-        saved.resume(&mut mapper)?;
-    }
-    let save = |mapper: &Mapper| saved.save(mapper);
-    Course { budget, save: &save, save_every }.run(&mut mapper, &mut report)?;
+    let Some(prior) = from else {
+        let training = Training { args, engine, options, budget };
+        return training.run(&args.out, args.report.as_deref(), inputs);
+    };
+    let MapInputs { train, held_out, .. } = inputs;
+    let mut report = Report::new(args.report.as_deref(), held_out);
+    let memory = args.from.memory(engine, prior, &args.inputs, &train)?;
+    let mut mapper = Mapper::going_on(engine, prior, train, memory, options)?;
+    // It is short: no state is saved.
+    let save_every = args.save_every();
+    Course { budget, save: &|_| Ok(()), save_every }.run(&mut mapper, &mut report)?;
     Ok((mapper, report))
+}
+
+/// A training from nothing.
+struct Training<'a> {
+    args: &'a Args,
+    engine: &'a Engine,
+    options: &'a MapOptions,
+    budget: Budget,
+}
+
+impl Training<'_> {
+    /// Trains until the budget is used up. The state is saved beside `out`, and an earlier one gone on with if that was
+    /// asked for.
+    fn run(
+        &self,
+        out: &Path,
+        report: Option<&Path>,
+        inputs: MapInputs,
+    ) -> anyhow::Result<(Mapper, Report)> {
+        let Training { args, engine, options, budget } = *self;
+        let MapInputs { train, held_out, points } = inputs;
+        let mut report = Report::new(report, held_out);
+        let fingerprint = inputs::fingerprint(&train, &points, options, &budget);
+        let mut mapper = Mapper::new(engine, train, &points, options)?;
+        let saved = Saved::beside(out, fingerprint);
+        if args.resume {
+            saved.resume(&mut mapper)?;
+        }
+        let save = |mapper: &Mapper| saved.save(mapper);
+        let save_every = args.save_every();
+        Course { budget, save: &save, save_every }.run(&mut mapper, &mut report)?;
+        Ok((mapper, report))
+    }
 }
 
 /// Writes the prior, and what is known of it beside it.

@@ -11,6 +11,7 @@ pub mod doubt;
 pub mod filter;
 mod fit;
 pub mod mapper;
+pub mod parts;
 mod posed_picture;
 pub mod removal;
 pub mod samples;

@@ -53,8 +53,8 @@ impl Decoder {
             Ok(_) => {}
             Err(Error::Update(UpdateError::NoRoom)) => {
                 if !std::mem::replace(no_room, true) {
-                    let text = "an update of the prior has come, but property updates is false: \
-                                it is not drawn with";
+                    let text = "an update of the prior has come, but property updates is false, or \
+                                prior-memory is set: it is not drawn with";
                     gst::element_imp_warning!(self, gst::LibraryError::Settings, ("{text}"));
                 }
                 return None;

@@ -1,11 +1,11 @@
 //! The vehicle's way in the basin: the mapping run around and over the structure, and the inspection runs.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3};
 use nvsprior::Pose;
 
-use super::super::basin::{self, BASIN, HALF_PLAN, STRUCTURE_HEIGHT};
+use super::super::basin::{self, BASIN, HALF_PLAN, ROW, ROW_STEP, STRUCTURE_HEIGHT};
 use super::{lawnmower, looking};
 
 /// Poses of the mapping run: rows around the structure, then passes over it.
@@ -28,6 +28,31 @@ pub fn mapping_poses() -> Vec<Pose> {
         })
     });
     around.chain(passes).collect()
+}
+
+/// Poses of the mapping run of the row: that of the basin at each structure in its turn.
+pub fn row_mapping_poses() -> Vec<Pose> {
+    let at = |copy: u8| {
+        let along = f64::from(copy) * f64::from(ROW_STEP) * DVec3::Y;
+        let moved = move |pose: Pose| Pose::from_centre(pose.rotation, pose.centre() + along);
+        mapping_poses().into_iter().map(moved)
+    };
+    (0..ROW).flat_map(at).collect()
+}
+
+/// The pose `time` seconds into a dive along the side x > 0 of the row, after `earlier` ones: forth and back between
+/// its ends. The camera looks at the row, a little ahead and a little back in turns.
+pub fn row_pose(earlier: u32, time: f64) -> Pose {
+    const SPEED: f64 = 0.4;
+    let length = f64::from(ROW - 1) * f64::from(ROW_STEP);
+    let (along, up) = lawnmower(1.0 + 0.4 * f64::from(earlier) + SPEED * time, length, 0.55, 4);
+    let phase = 0.8 * f64::from(earlier);
+    let sway = |period: f64, offset: f64| (TAU * time / period + phase + offset).sin();
+    let clear = f64::from(HALF_PLAN[0]) + 2.6 + 0.06 * sway(17.0, 0.0);
+    let place = DVec3::new(clear, along, 1.2 + up + 0.04 * sway(11.0, 1.0));
+    let yaw = PI + f64::to_radians(15.0) * sway(23.0, 2.0);
+    let pitch = f64::to_radians(-8.0 - 6.0 * up + 1.5 * sway(7.0, 0.5));
+    looking(place, yaw, pitch)
 }
 
 /// What differs between the inspection runs.

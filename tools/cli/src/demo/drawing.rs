@@ -10,11 +10,12 @@ use nvsprior_inputs::values::{self, WrongUsage};
 /// What is drawn.
 #[derive(clap::Args)]
 pub struct SceneArgs {
-    /// Which scene, basin if none is named. The quay has no prior yet: its inspection run T3 is drawn, and not encoded
+    /// Which scene, basin if none is named. Quay and row have no prior yet: T3 and T6, their inspection runs, are
+    /// drawn, and not encoded
     #[arg(long, value_enum, value_name = "SITE")]
     site: Option<SiteArg>,
     /// Only this inspection run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5
-    /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay
+    /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay, T6 of the row
     #[arg(long, value_name = "RUN", value_parser = run_named)]
     run: Option<Run>,
     /// Weeks since the mapping run, 0 to 520, instead of T4's 4 or T5's 26
@@ -45,6 +46,8 @@ enum SiteArg {
     Basin,
     /// A harbour's wall of sheet piles, in green water
     Quay,
+    /// Three structures of oil barrels in a long basin
+    Row,
 }
 
 impl From<SiteArg> for Site {
@@ -52,6 +55,7 @@ impl From<SiteArg> for Site {
         match site {
             SiteArg::Basin => Site::Basin,
             SiteArg::Quay => Site::Quay,
+            SiteArg::Row => Site::Row,
         }
     }
 }
@@ -86,6 +90,7 @@ impl SceneArgs {
             (Some(run), _) => vec![run],
             (None, Site::Basin) => vec![Run::T1, Run::T2],
             (None, Site::Quay) => vec![Run::T3],
+            (None, Site::Row) => vec![Run::T6],
         };
         runs.into_iter().map(|run| self.dive(run)).collect()
     }

@@ -16,6 +16,16 @@ pub enum Budget {
     Seconds(f64),
 }
 
+impl Budget {
+    /// A share of it.
+    pub fn times(self, share: f64) -> Budget {
+        match self {
+            Budget::Iterations(all) => Budget::Iterations((f64::from(all) * share).ceil() as u32),
+            Budget::Seconds(all) => Budget::Seconds(all * share),
+        }
+    }
+}
+
 /// How a training goes on.
 pub struct Course<'a> {
     pub budget: Budget,

@@ -86,6 +86,7 @@ pub struct MapInputs {
 }
 
 /// What is there to train on, before its pictures are read.
+#[derive(Clone)]
 pub struct Listed {
     /// Pictures to train on; at least one.
     pub train: Vec<PosedInput>,
@@ -209,10 +210,28 @@ impl InputArgs {
 
     /// Reads the pictures and treats them, and writes them as they are trained on, if that is wanted.
     pub fn read(&self, listed: Listed, preprocessing: &Preprocessing) -> anyhow::Result<MapInputs> {
+        let writer = self.undistorted.as_deref().map(RunWriter::new);
+        self.read_and_write(listed, preprocessing, writer)
+    }
+
+    /// As [`read`](Self::read), of a part of a run. All pictures are [written](Self::write_undistorted) together.
+    pub fn read_part(
+        &self,
+        listed: Listed,
+        preprocessing: &Preprocessing,
+    ) -> anyhow::Result<MapInputs> {
+        self.read_and_write(listed, preprocessing, None)
+    }
+
+    fn read_and_write(
+        &self,
+        listed: Listed,
+        preprocessing: &Preprocessing,
+        writer: Option<RunWriter>,
+    ) -> anyhow::Result<MapInputs> {
         let Listed { train, held_out, points, size, reductions } = listed;
         let smaller = self.smaller(&held_out, &size, &reductions, preprocessing)?;
         let bar = progress(train.len() + held_out.len(), "pictures");
-        let writer = self.undistorted.as_deref().map(RunWriter::new);
         let split = self.split.as_deref().unwrap_or(TRAIN);
         let read = |split: &str, input: &PosedInput| {
             let read = self.read_one(&size, (writer.as_ref(), split), preprocessing, input);
@@ -236,6 +255,42 @@ impl InputArgs {
         let held_out = held_out.into_iter();
         let held_out = held_out.map(|(name, split, read)| HeldOut { name, split, view: read.view });
         Ok(MapInputs { train, held_out: held_out.chain(smaller).collect(), points })
+    }
+
+    /// Writes the pictures of a run as they are trained on, if that is wanted, without keeping them.
+    pub fn write_undistorted(&self, listed: &Listed) -> anyhow::Result<()> {
+        let Some(writer) = self.undistorted.as_deref().map(RunWriter::new) else { return Ok(()) };
+        let split = self.split.as_deref().unwrap_or(TRAIN);
+        let train = listed.train.iter().map(|input| (split, input));
+        let held_out = listed.held_out.iter().map(|(split, input)| (split.as_str(), input));
+        let all: Vec<_> = train.chain(held_out).collect();
+        let bar = progress(all.len(), "pictures without distortion");
+        let write = |(split, input): &(&str, &PosedInput)| {
+            let how = (Some(&writer), *split);
+            let read = self.read_one(&listed.size, how, &Preprocessing::NONE, input);
+            bar.inc(1);
+            read.map(|read| read.written)
+        };
+        let views: Vec<_> = all.par_iter().map(write).collect::<anyhow::Result<_>>()?;
+        bar.finish_and_clear();
+        let views: Vec<_> = views.into_iter().flatten().collect();
+        Ok(writer.list(listed.size, &views)?)
+    }
+
+    /// Reads a picture as it is measured by.
+    pub fn read_picture(
+        &self,
+        input: &PosedInput,
+        size: &Camera,
+        preprocessing: &Preprocessing,
+    ) -> anyhow::Result<PosedPicture> {
+        Ok(self.read_one(size, (None, HELD_OUT), preprocessing, input)?.view)
+    }
+
+    /// The camera of a picture that is brought to the size of all.
+    pub fn camera_at(&self, input: &PosedInput, size: &Camera) -> Camera {
+        // Pictures of one lens share a size; others are brought to it.
+        self.camera(input).resized(size.width, size.height)
     }
 
     /// The pictures that are held out, at the smaller sizes that are trained for.
@@ -282,8 +337,7 @@ impl InputArgs {
         preprocessing: &Preprocessing,
         input: &PosedInput,
     ) -> anyhow::Result<Read> {
-        // Pictures of one lens share a size; others are brought to it.
-        let camera = self.camera(input).resized(size.width, size.height);
+        let camera = self.camera_at(input, size);
         let (mut picture, mask) = input.load_masked(&camera)?;
         let pose = input.pose;
         let write = |writer: &RunWriter| {

@@ -7,7 +7,7 @@ use nvsprior_inputs::structure::Structure;
 use nvsprior_lab::bench::{median, plot_training};
 use nvsprior_lab::report::{Table, fixed, write_json};
 use nvsprior_train::mapper::Mapper;
-use serde_json::json;
+use serde_json::{Value, json};
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 use super::inputs::HeldOut;
@@ -50,6 +50,18 @@ impl Poses {
             doubtful: found.doubtful.iter().map(ToString::to_string).collect(),
         }
     }
+
+    /// What a report says of them; nulls if they were given.
+    pub fn json(poses: Option<&Poses>) -> serde_json::Map<String, Value> {
+        let value = json!({
+            "registered": poses.map(|poses| poses.registered),
+            "pictures_given": poses.map(|poses| poses.pictures),
+            "reprojection_error": poses.and_then(|poses| poses.reprojection_error),
+            "pose_minutes": poses.map(|poses| poses.minutes),
+            "poses_doubtful": poses.map(|poses| &poses.doubtful),
+        });
+        value.as_object().cloned().unwrap_or_default()
+    }
 }
 
 pub struct Report {
@@ -63,7 +75,8 @@ pub struct Report {
     next: usize,
 }
 
-fn mean(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
+/// The mean of some values, if there are any.
+pub fn mean(values: impl Iterator<Item = f64> + Clone) -> Option<f64> {
     let count = values.clone().count();
     (count > 0).then(|| values.sum::<f64>() / count as f64)
 }
@@ -233,12 +246,8 @@ impl Report {
             .flat_map(|point| self.by_split(point))
             .map(|(split, psnr)| (split, json!(psnr)))
             .collect();
-        let report = json!({
-            "registered": self.poses.as_ref().map(|poses| poses.registered),
-            "pictures_given": self.poses.as_ref().map(|poses| poses.pictures),
-            "reprojection_error": self.poses.as_ref().and_then(|poses| poses.reprojection_error),
-            "pose_minutes": self.poses.as_ref().map(|poses| poses.minutes),
-            "poses_doubtful": self.poses.as_ref().map(|poses| &poses.doubtful),
+        let mut report = Poses::json(self.poses.as_ref());
+        let training = json!({
             "held_out_psnr": self.psnr(),
             "trained_psnr": trained,
             "held_out_doubtful": doubt,
@@ -252,6 +261,7 @@ impl Report {
             "splats": splats,
             "pictures": pictures,
         });
+        report.extend(training.as_object().cloned().unwrap_or_default());
         write_json(&folder.join("report.json"), &report)
     }
 }

@@ -20,6 +20,7 @@ mod learn;
 mod link;
 mod map;
 mod map_hard;
+mod map_parts;
 #[cfg(unix)]
 mod map_structure;
 mod merge;

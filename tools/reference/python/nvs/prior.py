@@ -35,10 +35,11 @@ class Tables:
 class Prior:
     """Splats and what goes with them."""
 
-    def __init__(self, arrays, options, tables=None, key_frames=0):
+    def __init__(self, arrays, options, tables=None, key_frames=0, frame=None):
+        """`frame`: the stated centre and spread, of a blocked prior."""
         self.positions, self.log_scales, self.rotations, self.logits, self.sh = arrays
         self.near, self.alpha_max, self.antialiased, self.background, self.trained_focal = options
-        self.tables, self.key_frames = tables, key_frames
+        self.tables, self.key_frames, self.frame = tables, key_frames, frame
         self._drop()
         self.id = self._identity()
         self._frame()
@@ -63,9 +64,15 @@ class Prior:
             parts.append(self.tables.data)
         if self.trained_focal is not None:
             parts.append(b"focal" + struct.pack("<f", self.trained_focal))
+        if self.frame:
+            parts.append(b"frame" + struct.pack("<4f", *self.frame[0], self.frame[1]))
         return blake3(b"".join(parts))[:4]
 
     def _frame(self):
+        if self.frame:
+            self.centre, spread = self.frame
+            self.step = _step(spread, self.centre.astype(np.float64))
+            return
         positions = self.positions.astype(np.float64)
         middle = (len(positions) - 1) // 2
         centre = np.sort(positions, 0)[middle]
@@ -74,11 +81,15 @@ class Prior:
         spreads = [F32(min(v, most)) for v in (np.sort(off, 0)[middle].max(), off.max(), 1.0)]
         spread = next(s for s in spreads if s > 0)
         self.centre = centre.astype(F32)
-        self.step = max(float(spread), float(np.abs(centre).max()) * 2.0**-23) / 131072
+        self.step = _step(spread, centre)
 
     @property
     def name(self):
         return f"{le(self.id):08x}"
+
+
+def _step(spread, centre):
+    return max(float(spread), float(np.abs(centre).max()) * 2.0**-23) / 131072
 
 
 def options_of(comments):
@@ -169,40 +180,16 @@ def read_compact(data):
     degree, drawn, parts, count = body[5], body[6], body[7], le(body[8:12])
     if degree > 3 or drawn > 3 or parts > 7 or count == 0:
         raise Refused("content")
-    near, alpha_max, *rest = struct.unpack_from("<ffffffff", body, 16)
-    background, origin = rest[:3], np.array(rest[3:], np.float64)
+    origin = np.array(struct.unpack_from("<3f", body, 36), np.float64)
     exponent = struct.unpack_from("<i", body, 48)[0]
     steps = struct.unpack_from("<6f", body, 52)
-    sound = np.isfinite(near) and near > 0 and 0 < alpha_max < 1 and all(0 <= v <= 1 for v in background)
-    sound &= bool(np.isfinite(origin).all()) and -149 <= exponent <= 127
+    sound = bool(np.isfinite(origin).all()) and -149 <= exponent <= 127
     sound &= all(s >= 1e-6 and s <= (0.125 if i == 2 else 1) for i, s in enumerate(np.array(steps)))
     if not sound:
         raise Refused("content")
-    at, key_frames, tables, focal = 76, 0, None, None
-    if drawn & 2:
-        if len(body) < 80:
-            raise Refused("truncated")
-        focal = F32(struct.unpack_from("<f", body, 76)[0])
-        if not 1 <= focal <= 1e6:
-            raise Refused("content")
-        at += 4
-    if parts & 4:
-        at += 6
-    if parts & 1:
-        key_frames = le(body[at:at + 4])
-        size = 28 + 10 * key_frames
-        if not 1 <= key_frames <= 65536:
-            raise Refused("content")
-        if at + size > len(body):
-            raise Refused("truncated")
-        bounds = struct.unpack_from("<6f", body, at + 4)
-        if not all(np.isfinite(bounds)) or any(a > b for a, b in zip(bounds[:3], bounds[3:])):
-            raise Refused("content")
-        at += size
-    if parts & 2:
-        size = le(body[at:at + 4])
-        tables = Tables(body[at + 4:at + 4 + size])
-        at += 4 + size
+    at, focal = _focal(body, 76, drawn)
+    options = _options(body, 16, drawn, focal)
+    at, key_frames, tables = _besides(body, at, parts)
     if count > len(body) - at:
         raise Refused("truncated")
     columns = 7 + 3 * (degree + 1) ** 2
@@ -224,11 +211,111 @@ def read_compact(data):
             sh[:, k, c] = (value.astype(np.float64) * float(F32(steps[4 if k == 0 else 5]))).astype(F32)
     arrays = (positions, np.stack([wide(i, steps[1]) for i in range(3)], 1), np.column_stack([w, xyz]).astype(F32),
               wide(6, steps[3]), sh)
-    options = (F32(near), F32(alpha_max), bool(drawn & 1), [F32(v) for v in background], focal)
     prior = Prior(arrays, options, tables, key_frames)
     if prior.id != body[12:16]:
         raise Refused("identity")
     return prior
+
+
+def _focal(body, at, drawn):
+    """The trained focal length, and where what follows begins."""
+    if not drawn & 2:
+        return at, None
+    if len(body) < at + 4:
+        raise Refused("truncated")
+    return at + 4, F32(struct.unpack_from("<f", body, at)[0])
+
+
+def _options(body, at, drawn, focal):
+    near, alpha_max, *background = (F32(v) for v in struct.unpack_from("<5f", body, at))
+    sound = np.isfinite(near) and near > 0 and 0 < alpha_max < 1 and all(0 <= v <= 1 for v in background)
+    if not sound or (focal is not None and not 1 <= focal <= 1e6):
+        raise Refused("content")
+    return near, alpha_max, bool(drawn & 1), background, focal
+
+
+def _besides(body, at, parts):
+    """Preprocessing, key frames and coder tables. Returns where what follows begins."""
+    key_frames, tables = 0, None
+    if parts & 4:
+        at += 6
+    if parts & 1:
+        key_frames = le(body[at:at + 4])
+        size = 28 + 10 * key_frames
+        if not 1 <= key_frames <= 65536:
+            raise Refused("content")
+        if at + size > len(body):
+            raise Refused("truncated")
+        bounds = struct.unpack_from("<6f", body, at + 4)
+        if not all(np.isfinite(bounds)) or any(a > b for a, b in zip(bounds[:3], bounds[3:])):
+            raise Refused("content")
+        at += size
+    if parts & 2:
+        size = le(body[at:at + 4])
+        tables = Tables(body[at + 4:at + 4 + size])
+        at += 4 + size
+    return at, key_frames, tables
+
+
+def read_blocked(data):
+    """A blocked prior, .nvsb."""
+    if len(data) < 12:
+        raise Refused("truncated")
+    if data[4] != 1:
+        raise Refused("version")
+    size = le(data[8:12])
+    if size < 68 + 36 + 4:
+        raise Refused("content")
+    if size > len(data):
+        raise Refused("truncated")
+    head, check = data[:size - 4], data[size - 4:size]
+    if crc32(head) != le(check):
+        raise Refused("damaged")
+    degree, drawn, parts = head[5:8]
+    splats, blocks = struct.unpack_from("<QI", head, 16)
+    if degree > 3 or drawn > 3 or parts > 15 or not 1 <= blocks <= (len(head) - 68) // 36:
+        raise Refused("content")
+    *centre, spread, radius = (F32(v) for v in struct.unpack_from("<5f", head, 48))
+    if not np.isfinite([*centre, spread, radius]).all() or not spread > 0 or radius < 0:
+        raise Refused("content")
+    entries = [struct.unpack_from("<II7f", head, 68 + 36 * i) for i in range(blocks)]
+    at, focal = _focal(head, 68 + 36 * blocks, drawn)
+    options = _options(head, 28, drawn, focal)
+    at, key_frames, tables = _besides(head, at, parts & 7)
+    if at != len(head) or sum(entry[1] for entry in entries) != splats:
+        raise Refused("content")
+    pieces, at = [], size
+    for entry in entries:
+        if at + entry[0] > len(data):
+            raise Refused("truncated")
+        block = read_compact(data[at:at + entry[0]])
+        at += entry[0]
+        _check_block(block, entry, (degree, options, parts & 8), (centre, radius))
+        pieces.append((block.positions, block.log_scales, block.rotations, block.logits, block.sh))
+    arrays = tuple(np.concatenate(columns) for columns in zip(*pieces))
+    prior = Prior(arrays, options, tables, key_frames, (np.array(centre, F32), spread))
+    if prior.id != head[12:16]:
+        raise Refused("identity")
+    return prior
+
+
+def _check_block(block, entry, head, place):
+    """Refuses a block that is not what the head says."""
+    _, count, *floats = entry
+    least, greatest, longest = np.array(floats[:3], F32), np.array(floats[3:6], F32), floats[6]
+    degree, options, clamped = head
+    centre, radius = place
+    own = (block.near, block.alpha_max, block.antialiased, block.background, block.trained_focal)
+    same = 1 <= count <= 16384 and len(block.logits) == count and own == options
+    same &= block.sh.shape[1] == (degree + 1) ** 2
+    same &= bool(((block.positions >= least) & (block.positions <= greatest)).all())
+    same &= bool(np.exp(block.log_scales.astype(np.float64)).max() <= longest)
+    away = np.sqrt(((block.positions.astype(np.float64) - np.array(centre, np.float64)) ** 2).sum(1))
+    same &= bool((away <= radius).all())
+    opacity = (1 / (1 + np.exp(-block.logits.astype(np.float64)))).astype(F32)
+    same &= bool(clamped) or bool((opacity <= F32(options[1] * (F32(1) - F32(1e-5)))).all())
+    if not same:
+        raise Refused("content")
 
 
 def _planes(stream, count, columns):
@@ -256,6 +343,8 @@ def _planes(stream, count, columns):
 def read_prior(data):
     if data[:3] == b"ply":
         return read_ply(data)
+    if data[:4] == b"nvsb":
+        return read_blocked(data)
     return read_compact(data)
 
 
