@@ -9,7 +9,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 .PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline shaders shaders-check \
-	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors
+	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors \
+	wheel wheel-aarch64 python-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -24,6 +25,8 @@ help:
 	@echo "make test           all tests"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
+	@echo "make wheel          the Python package, in target/wheels/: docs/python.md; make wheel-aarch64 for 64-bit ARM"
+	@echo "make python-test    its tests, in a Python of their own"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
 	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
@@ -96,13 +99,13 @@ ageing:
 # The unit tests, and the integration tests that need no device or few frames.
 quick:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test conformance --test definition \
-		--test encode_decode --test fuzz_corpus --test modem_link --test modules --test prior_formats --test search \
-		--test stream --test wavelet
+	cargo test --workspace --exclude nvsprior-gst --exclude nvsprior-python --lib --test architecture \
+		--test conformance --test definition --test encode_decode --test fuzz_corpus --test modem_link --test modules \
+		--test prior_formats --test search --test stream --test wavelet
 
 test:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst
+	cargo test --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
 conformance:
 	@scripts/setup.sh conformance
@@ -111,6 +114,18 @@ conformance:
 vectors:
 	@scripts/setup.sh run test
 	RENEW=1 cargo test --package nvsprior --test conformance
+
+wheel:
+	@scripts/setup.sh python glibc
+	GLIBC=$(GLIBC) scripts/wheel.sh
+
+wheel-aarch64:
+	@scripts/setup.sh python cross glibc
+	GLIBC=$(GLIBC) scripts/wheel.sh aarch64-unknown-linux-gnu
+
+python-test:
+	@scripts/setup.sh run python
+	scripts/python-test.sh
 
 gst:
 	@scripts/setup.sh run gst
@@ -134,7 +149,7 @@ lint:
 	python3 scripts/arrows.py
 	python3 scripts/lines.py
 	cargo fmt --all --check
-	cargo clippy --workspace --exclude nvsprior-gst --all-targets -- -D warnings
+	cargo clippy --workspace --exclude nvsprior-gst --exclude nvsprior-python --all-targets -- -D warnings
 
 lib:
 	@scripts/setup.sh lib

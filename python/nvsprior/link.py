@@ -7,9 +7,12 @@ from dataclasses import dataclass
 from typing import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._nvsprior import Camera, Channel, Collector, Decoder, Encoder, Engine, Hint, Keys, Pose, Prior, Sender
 from .errors import BudgetError
+
+Picture = NDArray[np.uint8]
 
 # Seconds after its display for which a packet is kept.
 _KEPT = 1.0
@@ -23,7 +26,7 @@ class Shown:
 
     frame: int
     """Its number."""
-    picture: np.ndarray | None
+    picture: Picture | None
     """uint8, shape (height, width, 3), RGB; None: nothing has come yet."""
     own: bool
     """The picture is of this frame; else it is that of an earlier one."""
@@ -35,22 +38,26 @@ class Shown:
     """PSNR of the picture against the frame, dB; NaN without a picture."""
 
 
-def _psnr(a: np.ndarray, b: np.ndarray) -> float:
+def _psnr(a: Picture, b: Picture) -> float:
     mse = float(np.mean((a.astype(np.float64) - b) ** 2))
     return math.inf if mse == 0.0 else 10.0 * math.log10(255.0**2 / mse)
 
 
-def _encode(encoder: Encoder, frame: np.ndarray, hint: Pose | Hint | None, now: float, budget: int):
-    """Encodes in so many bytes; the packet that tells the camera may take more."""
+def _encode(encoder: Encoder, frame: Picture, hint: Pose | Hint | None, now: float, budget: int) -> bytes:
+    """Encodes in so many bytes. A packet that tells the camera takes more; what does not fit its shares is cut off."""
     encoder.set_rate(bytes=budget + encoder.extra_bytes)
-    return encoder.encode(frame, hint, time=now)
+    try:
+        return encoder.encode(frame, hint, time=now).packet
+    except BudgetError:
+        encoder.set_rate()  # The pose alone.
+        return encoder.encode(frame, hint, time=now).packet
 
 
 def link(
     engine: Engine,
     prior: Prior,
     camera: Camera,
-    frames: Sequence[np.ndarray],
+    frames: Sequence[Picture],
     hint: Pose | Hint | None = None,
     *,
     bit_rate: float = 5_000.0,
@@ -105,10 +112,21 @@ def link(
     return _run(encoder, sender, channel, collector, decoder, frames, hint, fps, latency, coding)
 
 
-def _run(encoder, sender, channel, collector, decoder, frames, hint, fps, latency, coding):
+def _run(
+    encoder: Encoder,
+    sender: Sender,
+    channel: Channel,
+    collector: Collector,
+    decoder: Decoder,
+    frames: Sequence[Picture],
+    hint: Pose | Hint | None,
+    fps: float,
+    latency: float,
+    coding: float,
+) -> Iterator[Shown]:
     arrivals: list[tuple[float, bytes]] = []
     sent: dict[int, int] = {}
-    picture = None
+    picture: Picture | None = None
     ahead = math.ceil(latency * fps)
     for turn in range(len(frames) + ahead):
         now = turn / fps
@@ -119,14 +137,16 @@ def _run(encoder, sender, channel, collector, decoder, frames, hint, fps, latenc
             else:
                 encoded = _encode(encoder, frames[turn], hint, now, budget)
                 hint = None
-                sender.push(now + coding, encoded.packet)
-                sent[turn] = len(encoded.packet)
+                sender.push(now + coding, encoded)
+                sent[turn] = len(encoded)
         until = (turn + 1) / fps
         while (due := sender.due) is not None and due < until:
-            _, share = sender.next(due)
-            arrival = channel.send(due, len(share))
+            given = sender.next(due)
+            if given is None:
+                break
+            arrival = channel.send(due, len(given[1]))
             if arrival is not None:
-                arrivals.append((arrival, share))
+                arrivals.append((arrival, given[1]))
         shown = turn - ahead
         if shown < 0:
             continue

@@ -95,8 +95,9 @@ impl PyEncoded {
 /// Encodes the frames of one camera, in order.
 ///
 /// How fine the difference picture is: `quality` (0 to 100; 10 if nothing is given), `psnr` (dB, at the least bytes) or
-/// `bytes` (of the whole packet, never exceeded). `residual`: its coder, "wavelet" or "webp"; None: none is sent.
-/// `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from none.
+/// `bytes` (of the whole packet, never exceeded). `residual`: its coder, "wavelet" (the default) or "webp"; None: none
+/// is sent. `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from
+/// none.
 /// `key_every`: of a stream, an intra frame after so many. `tune`: what counts most, "psnr", "ssim" or "detection".
 /// `profile`: how poses are written, "compact" or "paper". `optimizer`: "gauss-newton", "bfgs", "adam" or "adam-bfgs".
 /// `threshold`: mean squared error, values in [0, 1]. `short_form`: short packets if an earlier one stated prior and

@@ -113,9 +113,9 @@ impl PyEngine {
     }
 }
 
-/// The Vulkan devices of the installed drivers, a line each, in the order of their numbers.
+/// The Vulkan devices of the installed drivers by name, in the order of their numbers.
 #[pyfunction]
 pub fn devices(py: Python) -> PyResult<Vec<String>> {
     let devices = detached(py, || Ok(nvsprior::vulkan::devices()?))?;
-    Ok(devices.iter().map(|device| device.info.to_string()).collect())
+    Ok(devices.iter().map(|device| device.info.name.clone()).collect())
 }

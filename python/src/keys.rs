@@ -8,8 +8,8 @@ use crate::errors::Failure;
 
 /// The keys that a side holds, at most four. It makes tags by the first one, and takes those by any of them.
 ///
-/// `text`: the content of a key file, as `nvsprior key` writes it: 64 hexadecimal digits a line. `tag_bytes`: bytes of a
-/// tag, 2 to 16. `epoch`: a number of the dive. Both sides need the same. `number`: of the first thing that this side
+/// `text`: the content of a key file, as `nvsprior key` writes it: 64 hexadecimal digits a line. `tag_bytes`: bytes of
+/// a tag, 2 to 16. `epoch`: a number of the dive. Both sides need the same. `number`: of the first thing that this side
 /// sends; a side that starts again within an epoch goes on counting.
 #[pyclass(frozen, module = "nvsprior", name = "Keys")]
 pub struct PyKeys(pub Keys);

@@ -25,8 +25,8 @@ const SLICE: f64 = 0.2;
 /// None. `points`, `colours`: where training starts, shape (count, 3), in the prior's unit, and colours in [0, 1];
 /// without them from random ones. `splats`: most of them. `sh_degree`: of the spherical harmonics, 0 to 3.
 /// `iterations`: steps, each towards one picture. `ssim`: share of SSIM in the loss. `knee`: errors below it count by
-/// their squares; 0: none. `exposure`: fit each picture's light. `correct_poses`: correct the poses. `seed`: of all that
-/// is random. `progress`: called now and then with the steps done and those of the whole; an exception ends the
+/// their squares; 0: none. `exposure`: fit each picture's light. `correct_poses`: correct the poses. `seed`: of all
+/// that is random. `progress`: called now and then with the steps done and those of the whole; an exception ends the
 /// training.
 ///
 /// The prior has no key frames: give it some with `Prior.with_key_frames`.
