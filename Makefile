@@ -212,7 +212,7 @@ setup-test:
 	scripts/setup-test.sh $(TARGETS)
 
 paper-test:
-	@scripts/setup.sh paper
+	@scripts/setup.sh run paper python
 	scripts/paper-test.sh
 
 licences:
