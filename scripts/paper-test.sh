@@ -12,5 +12,6 @@ if ! cmp -s "$requirements" "$venv/installed.txt"; then
     cp "$requirements" "$venv/installed.txt"
 fi
 scripts/wheel.sh
-"$venv/bin/pip" install --quiet --force-reinstall --no-deps "${CARGO_TARGET_DIR:-target}"/wheels/nvsprior-*_"$(uname -m)".whl
+wheels=${CARGO_TARGET_DIR:-target}/wheels
+"$venv/bin/pip" install --quiet --force-reinstall --no-deps "$wheels"/nvsprior-*_"$(uname -m)".whl
 exec "$venv/bin/python" -W ignore -m unittest discover -s tools/paper/tests

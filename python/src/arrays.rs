@@ -28,7 +28,7 @@ fn typed<'py, T: Element>(
         let (found, due) = (array.dtype(), dtype::<T>(py));
         return Err(PyTypeError::new_err(format!("{name}: dtype {found}, but {due} is due")));
     }
-    Ok(given.extract::<PyReadonlyArrayDyn<T>>()?)
+    given.extract::<PyReadonlyArrayDyn<T>>()
 }
 
 fn wrong_shape(name: &str, found: &[usize], due: &str) -> Failure {

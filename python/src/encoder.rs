@@ -94,16 +94,23 @@ impl PyEncoded {
 
 /// Encodes the frames of one camera, in order.
 ///
-/// How fine the difference picture is: `quality` (0 to 100; 10 if nothing is given), `psnr` (dB, at the least bytes) or
-/// `bytes` (of the whole packet, never exceeded). `residual`: its coder, "wavelet" (the default) or "webp"; None: none
-/// is sent. `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from
-/// none.
-/// `key_every`: of a stream, an intra frame after so many. `tune`: what counts most, "psnr", "ssim" or "detection".
-/// `profile`: how poses are written, "compact" or "paper". `optimizer`: "gauss-newton", "bfgs", "adam" or "adam-bfgs".
-/// `threshold`: mean squared error, values in [0, 1]. `short_form`: short packets if an earlier one stated prior and
-/// camera. `camera_interval`, `check_interval`: frames after which the camera, a check of the render is sent again.
-/// `predict_poses`: from those that the topside acknowledges. `truth`: send truth maps. `frames_treated`: frames come
-/// treated as the prior's preprocessing says. `learn`: make updates of the prior; see `learn_more`.
+/// How fine the difference picture is: give one of `quality`, `psnr` and `bytes`, or nothing for quality 10.
+///
+/// - `quality`: 0 to 100. `psnr`: dB, at the least bytes. `bytes`: of the whole packet, never exceeded.
+/// - `residual`: the coder of the difference picture, "wavelet" (the default) or "webp"; None: none is sent before
+///   `set_rate` asks for one.
+/// - `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from none.
+///   `key_every`: an intra frame after so many; 0: none after the first.
+/// - `tune`: what counts most, "psnr", "ssim" or "detection".
+/// - `profile`: how poses are written, "compact" or "paper". `short_form`: packets are short if an earlier one stated
+///   prior and camera. `predict_poses`: poses are predicted from those that the topside acknowledges.
+/// - `optimizer`: "gauss-newton", "bfgs", "adam" or "adam-bfgs". `threshold`: mean squared error, values in [0, 1], at
+///   which the gradient methods no longer start from the frame before.
+/// - `camera_interval`, `check_interval`: frames after which the camera, and a check of the render, are sent again; 0:
+///   never. `first_frame`: number of the first frame.
+/// - `truth`: packets have truth maps.
+/// - `frames_treated`: frames come treated as the prior's preprocessing says.
+/// - `learn`: the encoder makes updates of the prior; see `learn_more`.
 #[pyclass(frozen, module = "nvsprior", name = "Encoder")]
 pub struct PyEncoder(Handle<Content>);
 
@@ -112,8 +119,6 @@ struct Content {
     /// The frame, in memory that is kept.
     frame: Picture,
     encoded: Encoded,
-    /// A rate takes effect only if there is a difference picture.
-    has_residual: bool,
 }
 
 #[pymethods]
@@ -185,7 +190,6 @@ impl PyEncoder {
             encoder,
             frame: Picture::default(),
             encoded: Encoded::with_room(camera.0.width, camera.0.height),
-            has_residual: coder.is_some(),
         })))
     }
 
@@ -239,9 +243,7 @@ impl PyEncoder {
         bytes: Option<usize>,
     ) -> PyResult<()> {
         let rate = options::rate(quality, psnr, bytes)?;
-        let mut call = self.0.enter()?;
-        let rate = rate.filter(|_| call.has_residual);
-        call.encoder.set_rate(rate);
+        self.0.enter()?.encoder.set_rate(rate);
         Ok(())
     }
 

@@ -52,12 +52,11 @@ impl<T: Send> Call<'_, T> {
     ) -> Result<R, Failure> {
         let Content { value, broken } = &mut *self.0;
         *broken = true;
-        let done = detached(py, || {
+        detached(py, || {
             let done = work(value);
             *broken = false;
             done
-        });
-        done
+        })
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use nvsprior::{Camera, Picture, Prior, RenderOptions};
 use nvsprior_train::PosedPicture;
+use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions, Mapper};
 use pyo3::prelude::*;
 
@@ -29,7 +30,7 @@ const SLICE: f64 = 0.2;
 /// that is random. `progress`: called now and then with the steps done and those of the whole; an exception ends the
 /// training.
 ///
-/// The prior has no key frames: give it some with `Prior.with_key_frames`.
+/// The prior gets key frames at some of the poses, thinned out.
 #[pyfunction]
 #[pyo3(signature = (engine, pictures, camera, poses, *, masks = None, points = None, colours = None,
     splats = 40_000, sh_degree = 1, iterations = 8_000, ssim = 0.2, knee = 0.1, exposure = false,
@@ -141,7 +142,15 @@ impl Training {
                 progress.call1((self.mapper.steps(), self.iterations))?;
             }
         }
-        Ok(detached(py, || Ok(Prior::from_splats(self.mapper.splats()?, self.render)?))?)
+        Ok(detached(py, || self.prior())?)
+    }
+
+    fn prior(&self) -> Result<Prior, Failure> {
+        let splats = self.mapper.splats()?;
+        let cameras = self.mapper.views().iter().map(|view| view.camera);
+        let views: Vec<_> = cameras.zip(self.mapper.poses().iter().copied()).collect();
+        let key_frames = key_frames::of_run(&splats, self.render.near, &views)?;
+        Ok(Prior::from_splats(splats, self.render)?.with_key_frames(key_frames))
     }
 
     /// Some steps, for about as long as Python may wait.

@@ -54,13 +54,17 @@ pub struct PyProcessedReport {
 /// Takes a vehicle's packets, and yields the modem frames to send. For each frame ask `plan` for its bytes, encode it
 /// in as many, and `push` the packet. Whenever the modem is free, send what `next` gives.
 ///
-/// `bit_rate`: bit/s; 0, without protection alone: packets go as they come. `mtu`: most bytes of a modem frame.
-/// `latency`: seconds from exposure to the end of a packet's last share, `delay` of them no transmission, `spread` of
-/// them from its first share to its last. `frame_rate`: most pictures per second. `overhead`: bytes that a modem frame
-/// costs beside its own. `min_bytes`: fewest for a picture. `max_shares`: of a packet. `loss`, `burst`: the chance that
-/// a modem frame is lost, and how many are in a row. `user`: bytes that travel with each packet. `protection`: "layers"
-/// (the default), or None. `expect_reports`: the topside sends reports. `updates`: part of the bit rate for updates;
-/// None: there are none. `keys`: those of both sides.
+/// - `bit_rate`: bit/s; 0, without protection alone: packets go as they come.
+/// - `mtu`: most bytes of a modem frame. `overhead`: bytes that it costs on the link beside them.
+/// - `latency`: seconds from a frame's exposure to the end of its packet's last share. `delay`: what of it is no
+///   transmission. `spread`: what of it lies between the packet's first share and its last.
+/// - `frame_rate`: most pictures per second. `min_bytes`: fewest for a picture. `max_shares`: of a packet.
+/// - `loss`, `burst`: the chance that a modem frame is lost, and how many are lost in a row.
+/// - `protection`: "layers" (the default), or None. `stream`: 0 to 3; without protection 0.
+/// - `user`: bytes that travel with each packet; None: there are none.
+/// - `expect_reports`: the topside sends reports.
+/// - `updates`: part of the bit rate for updates of the prior; None: there are none.
+/// - `keys`: those of both sides.
 #[pyclass(frozen, module = "nvsprior", name = "Sender")]
 pub struct PySender(Handle<Sender>);
 

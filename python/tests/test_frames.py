@@ -7,6 +7,7 @@ import json
 import os
 import struct
 import subprocess
+import tracemalloc
 import zlib
 from pathlib import Path
 
@@ -60,6 +61,22 @@ def test_arrays_of_the_caller_are_written_to(engine, prior, camera, poses, frame
     renderer = nvsprior.Renderer(engine, prior, camera)
     assert renderer.render(encoded.pose, out=drawn) is drawn
     assert np.abs(drawn.astype(int) - encoder.render()).max() <= 1, "of a packet's pose the bits are fixed"
+
+
+def test_no_picture_is_allocated_twice(engine, prior, camera, poses, frames):
+    encoder, decoder = nvsprior.Encoder(engine, prior, camera), nvsprior.Decoder(engine, prior)
+    out = np.zeros(frames[0].shape, np.uint8)
+    decoder.decode(encoder.encode(frames[0], poses[0], out=out).packet, out=out)
+    tracemalloc.start()  # NumPy tells it of its arrays.
+    try:
+        decoder.decode(encoder.encode(frames[1], out=out).packet, out=out)
+        with_out = tracemalloc.get_traced_memory()[1]
+        tracemalloc.reset_peak()
+        encoder.encode(frames[2])
+        without = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert with_out < out.nbytes / 4 and without > out.nbytes
 
 
 def test_arrays_with_gaps_are_read(engine, prior, camera, poses, frames):

@@ -31,6 +31,7 @@ def test_a_prior_is_trained(engine, prior, camera, poses):
     assert np.mean(better) > 3, better
     again = nvsprior.map(engine, list(pictures), camera, views, **options)
     assert again.id == new.id, "the same input gives the same prior"
+    assert 0 < len(new.key_frames) <= 24
     given = new.with_key_frames(views)
     assert len(given.key_frames) == 24 and given.id == new.id
 
