@@ -102,6 +102,16 @@ def test_streams_take_fewer_bytes(engine, prior, camera, poses, frames):
     assert isinstance(lost.damage, nvsprior.ResidualError) and not lost.kept
 
 
+def test_learning_goes_on_beside(engine, prior, camera, poses, frames):
+    """Packets stay as they are until an update is adopted."""
+    plain, learning = (nvsprior.Encoder(engine, prior, camera, learn=learn) for learn in (False, True))
+    for number, frame in enumerate(frames[:3]):
+        hint = poses[0] if number == 0 else None
+        assert learning.encode(frame, hint).packet == plain.encode(frame, hint).packet
+        learning.learn_more(1.5)
+    assert learning.waiting_update is None and learning.take_update() is None and not learning.adopt(1)
+
+
 def test_masks_and_regions(engine, prior, camera, poses, frames):
     mask = np.ones(frames[0].shape[:2], bool)
     mask[:, :80] = False
