@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
-use nvsprior::prior::{
-    KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file, tables_file,
-};
+use nvsprior::prior::{KeyFrames, PriorFormat, compact, ply, replace_file, tables_file};
 use nvsprior::{Camera, Pose, Prior};
 
 use crate::{record, row};
