@@ -9,7 +9,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 .PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
-	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables
+	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables \
+	wheel wheel-aarch64 python-test
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -27,6 +28,8 @@ help:
 	@echo "make figures        measures what the documents show, into docs/results/: an hour, goes on after a cut;"
 	@echo "                    QUICK=1: minutes, compares only; ONLY=\"demo reef\": these; AGAIN=1: what is there, too"
 	@echo "make docs-tables    writes the tables of the documents from docs/results/"
+	@echo "make wheel          the Python package, in target/wheels/: docs/python.md; make wheel-aarch64 for 64-bit ARM"
+	@echo "make python-test    its tests, in a Python of their own"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
 	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
 	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
@@ -101,13 +104,13 @@ ageing:
 # The unit tests, and the integration tests that need no device or few frames.
 quick:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst --lib --test architecture --test conformance --test definition \
-		--test encode_decode --test fuzz_corpus --test modem_link --test modules --test prior_formats --test search \
-		--test stream --test wavelet
+	cargo test --workspace --exclude nvsprior-gst --exclude nvsprior-python --lib --test architecture \
+		--test conformance --test definition --test encode_decode --test fuzz_corpus --test modem_link --test modules \
+		--test prior_formats --test search --test stream --test wavelet
 
 test:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst
+	cargo test --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
 conformance:
 	@scripts/setup.sh conformance
@@ -124,6 +127,18 @@ figures:
 
 docs-tables:
 	scripts/figures/tables.py
+
+wheel:
+	@scripts/setup.sh python glibc
+	GLIBC=$(GLIBC) scripts/wheel.sh
+
+wheel-aarch64:
+	@scripts/setup.sh python cross glibc
+	GLIBC=$(GLIBC) scripts/wheel.sh aarch64-unknown-linux-gnu
+
+python-test:
+	@scripts/setup.sh run python
+	scripts/python-test.sh
 
 gst:
 	@scripts/setup.sh run gst
@@ -147,7 +162,7 @@ lint:
 	python3 scripts/arrows.py
 	python3 scripts/lines.py
 	cargo fmt --all --check
-	cargo clippy --workspace --exclude nvsprior-gst --all-targets -- -D warnings
+	cargo clippy --workspace --exclude nvsprior-gst --exclude nvsprior-python --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels
 
 lib:
@@ -214,7 +229,7 @@ setup-test:
 	scripts/setup-test.sh $(TARGETS)
 
 paper-test:
-	@scripts/setup.sh paper
+	@scripts/setup.sh run paper python
 	scripts/paper-test.sh
 
 licences:
@@ -242,7 +257,7 @@ shaders-check: shader-toolchain
 
 gpu-check:
 	@scripts/setup.sh gpu-check
-	cargo build --workspace --exclude nvsprior-gst --bin gpu-check
+	cargo build --workspace --exclude nvsprior-gst --exclude nvsprior-python --bin gpu-check
 	$${CARGO_TARGET_DIR:-target}/debug/gpu-check $(if $(RENEW),--renew)
 
 device-report:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The licences of all that is linked into library, program and GStreamer plugin, as Debian's copyright files.
+"""The licences of all that is linked into library, program, GStreamer plugin and Python package, as Debian's files.
 
 Usage: licences.py write   runs cargo-about (minutes) and writes packaging/licences/*.copyright
        licences.py check   fails if a crate is linked in that these files do not name
@@ -20,6 +20,7 @@ PARTS = {
     "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi,paper"]),
     "program": ("tools/cli/Cargo.toml", "nvsprior-cli", []),
     "gstreamer-plugin": ("gst-plugins/Cargo.toml", "nvsprior-gst", []),
+    "python-package": ("python/Cargo.toml", "nvsprior-python", []),
 }
 TARGETS = ["x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu"]
 OURS = re.compile(r"nvsprior(-.*)?$")

@@ -11,4 +11,7 @@ if ! cmp -s "$requirements" "$venv/installed.txt"; then
     "$venv/bin/pip" install --quiet --requirement "$requirements"
     cp "$requirements" "$venv/installed.txt"
 fi
+scripts/wheel.sh
+wheels=${CARGO_TARGET_DIR:-target}/wheels
+"$venv/bin/pip" install --quiet --force-reinstall --no-deps "$wheels"/nvsprior-*_"$(uname -m)".whl
 exec "$venv/bin/python" -W ignore -m unittest discover -s tools/paper/tests

@@ -116,7 +116,8 @@ programs() {
     dist-test) echo "$rust cargo-cinstall git tar xz unshare pkg-config" ;;
     subproject-test) echo "$rust cargo-cinstall cmake meson ninja" ;;
     abi-check | abi-baseline) echo "gcc nm abidw abidiff awk" ;;
-    paper-test) echo "python3" ;;
+    wheel | python-test | paper-test) echo "$rust python3" ;;
+    wheel-aarch64) echo "$rust python3 aarch64-linux-gnu-gcc" ;;
     shader-toolchain | shaders | shaders-check) echo "cargo rustup cc g++ spirv-val spirv-opt" ;;
     *) echo "setup-test: scripts/setup-test.sh does not say which programs $1 calls" >&2; return 1 ;;
     esac

@@ -65,7 +65,7 @@ look() {
         video) # A program that reads and writes videos.
             video
             ;;
-        poses | conformance) # pycolmap or numpy is installed into an environment of Python.
+        poses | conformance | python) # pycolmap, numpy or maturin is installed into an environment of Python.
             python_venv
             ;;
         browser) # For the console's page.

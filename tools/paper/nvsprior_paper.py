@@ -79,7 +79,6 @@ def train(options: argparse.Namespace) -> None:
 
 
 def _renderer(options: argparse.ArgumentParser) -> None:
-    options.add_argument("--program", type=Path, default=Path("nvsprior"), help="the nvsprior program")
     options.add_argument("--prior", type=Path, required=True)
     options.add_argument("--cameras", type=Path, required=True, help="camera file of the mapping run")
     options.add_argument("--split", help="only this split of the camera file")
@@ -96,7 +95,7 @@ def _differences(options: argparse.ArgumentParser) -> None:
 def write_differences(options: argparse.Namespace) -> None:
     from learned import cameras, differences, renders
 
-    renderer = renders.Renderer(options.program, options.prior)
+    renderer = renders.Renderer(options.prior)
     run = cameras.read(options.cameras, options.split)
     count = differences.write(run, renderer, options.each, options.seed, options.out)
     print(f"{options.out}: {count} difference pictures")
@@ -153,7 +152,7 @@ def starts(options: argparse.Namespace) -> None:
     if options.renders.exists():
         drawn = regressor.read(options.renders)
     else:
-        renderer = renders.Renderer(options.program, options.prior)
+        renderer = renders.Renderer(options.prior)
         drawn = regressor.draw(survey, renderer, options.count, options.seed, options.renders)
     trained = regressor.train(drawn, options.steps, options.minutes, options.seed, options.curve)
     limits = f"{regressor.START_OF_DEPTH} of the median depth and {regressor.START_DEGREES} degrees"

@@ -1,22 +1,18 @@
 //! `nvsprior key-frames`: makes key frames, the poses at which a lost camera is looked for, from the views of a mapping
 //! run and around them.
 
-mod range;
-
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
-use nvsprior::prior::{
-    KeyFrames, PriorError, PriorFormat, Splats, compact, ply, replace_file, tables_file,
-};
+use nvsprior::prior::{KeyFrames, PriorFormat, compact, ply, replace_file, tables_file};
 use nvsprior::{Camera, Pose, Prior};
 
 use crate::{record, row};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
-use range::Sample;
+use nvsprior_train::key_frames::{ANGLE, Sample, Thinned};
 
 /// Give a prior key frames: poses at which a lost camera is looked for
 ///
@@ -54,13 +50,6 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
-
-/// Distance between key frames, as a share of the median distance to the splats. A step aside of 5 % of that distance
-/// moves a picture by about 4 % of its width. The searches for a pose work from 10° off, which moves it by 15 %.
-const SHARE: f64 = 0.05;
-
-/// Angle between the directions of key frames at one place, degrees.
-const ANGLE: f64 = 10.0;
 
 /// Key frames in all. How much so many cover: docs/decisions.md, 10.
 const COVER: u32 = 500;
@@ -156,43 +145,6 @@ impl Views {
         row("scene", format!("{range:.4} away, median of what the views show"));
         row("thinned", format!("to {}, by {distance:.4} and {angle}°", key_frames.len()));
     }
-}
-
-/// Key frames of some views, and how they came about.
-struct Thinned {
-    key_frames: KeyFrames,
-    /// How many of the views show the prior.
-    seeing: usize,
-    /// How far away what they show is.
-    range: f64,
-    /// How far apart key frames are.
-    distance: f64,
-}
-
-impl Thinned {
-    /// `None` if no view shows any of the splats; `angle` in degrees.
-    fn of(
-        sample: &Sample,
-        views: &[(Camera, Pose)],
-        distance: Option<f64>,
-        angle: f64,
-    ) -> Result<Option<Thinned>, PriorError> {
-        let (poses, range) = sample.seen_by(views);
-        let Some(range) = range else { return Ok(None) };
-        let distance = distance.unwrap_or(SHARE * range);
-        let key_frames = KeyFrames::thinned(&poses, distance, angle.to_radians())?;
-        Ok(Some(Thinned { key_frames, seeing: poses.len(), range, distance }))
-    }
-}
-
-/// The default key frames of a mapping run; none if it shows none of the splats.
-pub fn of_run(
-    splats: &Splats,
-    near: f32,
-    views: &[(Camera, Pose)],
-) -> Result<KeyFrames, PriorError> {
-    let thinned = Thinned::of(&Sample::of(splats, near), views, None, ANGLE)?;
-    Ok(thinned.map_or(KeyFrames::NONE, |thinned| thinned.key_frames))
 }
 
 fn posed_views(file: &Path, split: Option<&str>) -> anyhow::Result<Vec<(Camera, Pose)>> {

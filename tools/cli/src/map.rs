@@ -22,11 +22,11 @@ use nvsprior_inputs::args::{DeviceArgs, OverrideArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_lab::bench::median;
 use nvsprior_train::doubt::doubt_of;
+use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{MapOptions, Mapper};
 
 use crate::beside;
 use crate::container::{Container, FINENESS};
-use crate::key_frames;
 use crate::picture_renderer::PictureRenderer;
 use course::{Budget, Course};
 use from::FromArgs;

@@ -33,7 +33,6 @@ def write(run: CameraFile, renderer: Renderer, each: int, seed: int, out: Path) 
     """Writes `each` difference pictures of every frame to the folder; how many there are."""
     if each < 1:
         raise ArgumentError("--each must be at least 1")
-    renderer.check()
     random = np.random.default_rng(seed)
     depth = renderer.median_depth(run, run.views[0])
     places = []

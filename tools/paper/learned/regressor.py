@@ -90,7 +90,6 @@ def draw(run: CameraFile, renderer: Renderer, count: int, seed: int, cache: Path
     """Renders at random poses; writes them to `cache`."""
     if count < 1:
         raise ArgumentError("--count must be at least 1")
-    renderer.check()
     depth = renderer.median_depth(run, run.views[len(run.views) // 2])
     poses = random_poses(run, depth, count, np.random.default_rng(seed))
     drawn = [shrink(picture) for picture in renderer.colours(run, poses)]

@@ -1,19 +1,20 @@
-"""Renders of the prior, drawn by the `nvsprior` program."""
+"""Renders of the prior, drawn by the Python package `nvsprior`."""
 
 from __future__ import annotations
 
-import csv
-import subprocess
-import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from . import pictures
 from .cameras import CameraFile, View, quaternion_of
-from .errors import FileError, PaperError
+from .errors import PaperError
+
+if TYPE_CHECKING:
+    import nvsprior
 
 
 @dataclass(frozen=True)
@@ -41,56 +42,49 @@ def rotation_vector(turn: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * (skew @ skew)
 
 
-@dataclass(frozen=True)
 class Renderer:
-    """The program and the prior. One process draws all pictures of a camera."""
+    """Draws a prior by the Python package `nvsprior`."""
 
-    program: Path
-    prior: Path
-
-    def check(self) -> None:
-        if not self.prior.is_file():
-            raise FileError(self.prior, "there is no such prior")
+    def __init__(self, prior: Path) -> None:
+        try:
+            import nvsprior
+        except ImportError as error:
+            raise PaperError(f"{error}: install the wheel that `make wheel` makes") from None
+        self._package = nvsprior
+        with self._failing(str(prior)):
+            self._engine, self._prior = nvsprior.Engine(), nvsprior.Prior.open(prior)
+        self._path = prior
+        self._renderers: dict[tuple[float, ...], nvsprior.Renderer] = {}
 
     def colours(self, run: CameraFile, places: list[tuple[View, Pose]]) -> Iterator[np.ndarray]:
         """Each view's camera at the pose beside it, in order: height × width × 3 uint8."""
-        of_camera: dict[tuple[float, ...], list[int]] = {}
-        for number, (view, _) in enumerate(places):
-            of_camera.setdefault((view.fx, view.fy, view.cx, view.cy), []).append(number)
-        with tempfile.TemporaryDirectory() as folder:
-            for numbers in of_camera.values():
-                poses = Path(folder) / "poses.csv"
-                with poses.open("w", newline="", encoding="utf-8") as file:
-                    table = csv.writer(file, lineterminator="\n")
-                    table.writerow(["name", "qw", "qx", "qy", "qz", "tx", "ty", "tz"])
-                    table.writerows([number, *_numbers(places[number][1])] for number in numbers)
-                self._draw(run, places[numbers[0]][0], "--poses", poses, "--pictures", folder)
-            for number in range(len(places)):
-                yield pictures.read_rgb(Path(folder) / f"{number}.png")
+        for view, pose in places:
+            with self._failing(view.file):
+                yield self._of(run, view).render(self._pose(pose))
 
     def median_depth(self, run: CameraFile, view: View) -> float:
         """Median over the pixels that show something, at the view's own pose, in the prior's unit."""
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "raw.npy"
-            pose = ",".join(_numbers(Pose.of(view)))
-            self._draw(run, view, f"--pose={pose}", "--raw", file)
-            values = np.load(file)
+        with self._failing(view.file):
+            values = self._of(run, view).render_raw(self._pose(Pose.of(view)))
         seen = 1 - values[..., 4]
         shown = seen > 0.5
         if not shown.any():
-            raise PaperError(f"{self.prior}: shows nothing at the pose of {view.file}")
+            raise PaperError(f"{self._path}: shows nothing at the pose of {view.file}")
         return float(np.median(values[..., 3][shown] / seen[shown]))
 
-    def _draw(self, run: CameraFile, view: View, *more: object) -> None:
-        command = [self.program, "render", "--prior", self.prior, "--cameras", run.path, "--frame", view.file, *more]
+    def _of(self, run: CameraFile, view: View) -> nvsprior.Renderer:
+        lens = (view.fx, view.fy, view.cx, view.cy)
+        if lens not in self._renderers:
+            camera = self._package.Camera(run.width, run.height, *lens)
+            self._renderers[lens] = self._package.Renderer(self._engine, self._prior, camera)
+        return self._renderers[lens]
+
+    def _pose(self, pose: Pose) -> nvsprior.Pose:
+        return self._package.Pose(quaternion_of(pose.rotation), pose.translation)
+
+    @contextmanager
+    def _failing(self, what: str) -> Iterator[None]:
         try:
-            done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-        except OSError as error:
-            raise FileError(self.program, f"cannot be run: {error}") from None
-        if done.returncode != 0:
-            raise PaperError(f"{self.program} render, {view.file}: {done.stderr.strip()}")
-
-
-def _numbers(pose: Pose) -> list[str]:
-    """qw, qx, qy, qz, tx, ty, tz."""
-    return [f"{value:.9g}" for value in [*quaternion_of(pose.rotation), *pose.translation]]
+            yield
+        except self._package.Error as error:
+            raise PaperError(f"{what}: {error}") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 import tempfile
 import unittest
@@ -14,20 +13,7 @@ import torch
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from learned import cameras, pictures, regressor, renders  # noqa: E402
-from learned.errors import FileError, PaperError  # noqa: E402
-
-
-# Draws as `nvsprior render --poses`: the grey of a picture is how far its pose is along x. Notes each call.
-FAKE_PROGRAM = """#!PYTHON
-import csv, pathlib, sys
-import numpy, PIL.Image
-options = dict(zip(sys.argv[2::2], sys.argv[3::2]))
-with (pathlib.Path(__file__).parent / "calls").open("a") as calls:
-    calls.write("x")
-for row in csv.DictReader(open(options["--poses"])):
-    grey = numpy.full((4, 6, 3), round(abs(float(row["tx"]))), numpy.uint8)
-    PIL.Image.fromarray(grey).save(pathlib.Path(options["--pictures"]) / (row["name"] + ".png"))
-"""
+from learned.errors import FileError  # noqa: E402
 
 
 def patch(pose: renders.Pose) -> np.ndarray:
@@ -92,30 +78,6 @@ class Regressing(unittest.TestCase):
         rotation = cameras.rotation_of(np.array([float(value) for value in numbers[:4]]))
         centre = -rotation.T @ np.array([float(value) for value in numbers[4:]])
         np.testing.assert_allclose(centre, regressor.centre_of(found[2].pose), atol=1e-6)
-
-    def test_one_process_draws_all_poses_of_a_camera(self) -> None:
-        program = self.folder / "program"
-        program.write_text(FAKE_PROGRAM.replace("PYTHON", sys.executable), encoding="utf-8")
-        program.chmod(0o755)
-        renderer = renders.Renderer(program, self.folder / "prior.ply")
-        views = self.survey.views
-        other = dataclasses.replace(views[1], fx=2 * views[1].fx)
-        shift = np.array([1.0, 0, 0])
-        places = [
-            (view, renders.Pose(np.eye(3), number * shift)) for number, view in enumerate((views[0], other, views[2]))
-        ]
-        drawn = [int(picture[0, 0, 0]) for picture in renderer.colours(self.survey, places)]
-        self.assertEqual(drawn, [0, 1, 2])
-        self.assertEqual((self.folder / "calls").read_text(), "xx")
-
-    def test_a_program_that_fails_is_named(self) -> None:
-        program = self.folder / "program"
-        program.write_text("#!/bin/sh\necho no such device >&2; exit 1\n", encoding="utf-8")
-        program.chmod(0o755)
-        renderer = renders.Renderer(program, self.folder / "prior.ply")
-        view = self.survey.views[0]
-        with self.assertRaisesRegex(PaperError, "program render.*no such device"):
-            list(renderer.colours(self.survey, [(view, renders.Pose.of(view))]))
 
     def test_a_broken_file_of_renders_is_named(self) -> None:
         (self.folder / "renders.npz").write_bytes(b"nothing")

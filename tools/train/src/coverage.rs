@@ -19,7 +19,8 @@ use nvsprior::{Pose, Prior};
 
 use directions::{DIRECTIONS, Directions};
 use grid::{Grid, Hit};
-use seen::{SeenMatter, median};
+use seen::SeenMatter;
+pub(crate) use seen::median;
 
 /// Largest distance between a view and a key frame that covers it, as a share of the lesser of their depths.
 const DISTANCE: f64 = 0.35;

@@ -10,6 +10,7 @@ pub mod coverage;
 pub mod doubt;
 pub mod filter;
 mod fit;
+pub mod key_frames;
 pub mod mapper;
 pub mod parts;
 mod posed_picture;

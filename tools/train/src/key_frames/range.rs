@@ -4,7 +4,7 @@ use glam::DVec3;
 use nvsprior::prior::Splats;
 use nvsprior::{Camera, Pose};
 
-use crate::mission::spaced;
+use crate::coverage::median;
 
 /// Most splats of a sample, evenly spaced in the prior's list.
 const SPLATS: usize = 20_000;
@@ -18,7 +18,8 @@ pub struct Sample {
 impl Sample {
     /// Takes a sample of splats, which are culled up to the plane `near`.
     pub fn of(splats: &Splats, near: f32) -> Sample {
-        let positions = spaced(&splats.positions, SPLATS);
+        let every = splats.len().div_ceil(SPLATS).max(1);
+        let positions = splats.positions.iter().step_by(every);
         let positions = positions.map(|p| DVec3::from(p.map(f64::from))).collect();
         Sample { positions, near: near.into() }
     }
@@ -44,11 +45,6 @@ impl Sample {
         });
         median(distances.collect())
     }
-}
-
-/// The upper median; `None` if there is no value.
-fn median(values: Vec<f64>) -> Option<f64> {
-    Some(nvsprior_lab::bench::median(values)).filter(|median| !median.is_nan())
 }
 
 #[cfg(test)]

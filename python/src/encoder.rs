@@ -1,0 +1,356 @@
+//! The vehicle's side: frames in, packets out.
+
+use nvsprior::image::Mask;
+use nvsprior::learning::LearnOptions;
+use nvsprior::residual::Interest;
+use nvsprior::tracking::FrameInfo;
+use nvsprior::{Encoded, Encoder, EncoderOptions, FrameStats, Picture, Rate};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::arrays::{check_out, read_mask, read_picture, write_picture};
+use crate::engine::PyEngine;
+use crate::errors::Failure;
+use crate::geometry::{PyCamera, PyHint, PyPose};
+use crate::handle::{Handle, detached};
+use crate::options;
+use crate::prior::PyPrior;
+
+/// What is known of a frame's pose.
+#[derive(FromPyObject)]
+pub enum HintArgument<'py> {
+    Pose(PyRef<'py, PyPose>),
+    Hint(PyRef<'py, PyHint>),
+}
+
+/// An encoded frame.
+#[pyclass(frozen, get_all, module = "nvsprior", name = "Encoded")]
+pub struct PyEncoded {
+    /// The bytes to send.
+    packet: Py<PyBytes>,
+    /// What the topside will show: uint8, shape (height, width, 3), RGB.
+    picture: Py<PyAny>,
+    /// The pose as the packet holds it.
+    pose: PyPose,
+    /// Number of the frame.
+    frame: u32,
+    /// PSNR of the prior's render at that pose against the treated frame, dB.
+    render_psnr: f64,
+    /// PSNR of `picture` against the treated frame, dB.
+    psnr: f64,
+    /// Whether the picture confirms the pose.
+    certain: bool,
+    /// Number of the frame that this one is predicted from; None: it is intra.
+    reference: Option<u32>,
+    /// Whether the rate was kept.
+    rate_kept: bool,
+    /// Bytes of the packet's latent part.
+    latent_bytes: usize,
+    /// Bytes of its truth map.
+    truth_bytes: usize,
+    /// Where the search started: "previous", "predicted", "external", "uncertain" or "key frame".
+    start: &'static str,
+    /// Renders at full size that the frame took.
+    full_renders: u32,
+    /// Time from the frame to its pose, its render and the difference, milliseconds.
+    refine_milliseconds: f64,
+    /// Time of coding the difference and writing the packet, milliseconds.
+    code_milliseconds: f64,
+}
+
+impl PyEncoded {
+    fn new(py: Python, encoded: &Encoded, picture: Py<PyAny>) -> PyEncoded {
+        let FrameStats { frame, render_psnr, psnr, certain, reference, .. } = encoded.stats;
+        let FrameStats { rate_kept, latent_bytes, truth_bytes, start, .. } = encoded.stats;
+        let FrameStats { full_renders, refine_milliseconds, code_milliseconds, .. } = encoded.stats;
+        PyEncoded {
+            packet: PyBytes::new(py, &encoded.packet).unbind(),
+            picture,
+            pose: PyPose(encoded.pose),
+            frame,
+            render_psnr,
+            psnr,
+            certain,
+            reference,
+            rate_kept,
+            latent_bytes,
+            truth_bytes,
+            start: start.name(),
+            full_renders,
+            refine_milliseconds,
+            code_milliseconds,
+        }
+    }
+}
+
+#[pymethods]
+impl PyEncoded {
+    fn __repr__(&self, py: Python) -> String {
+        let bytes = self.packet.bind(py).as_bytes().len();
+        let (frame, psnr) = (self.frame, self.psnr);
+        format!("<nvsprior.Encoded frame {frame}, {bytes} bytes, {psnr:.2} dB>")
+    }
+}
+
+/// Encodes the frames of one camera, in order.
+///
+/// How fine the difference picture is: give one of `quality`, `psnr` and `bytes`, or nothing for quality 10.
+///
+/// - `quality`: 0 to 100. `psnr`: dB, at the least bytes. `bytes`: of the whole packet, never exceeded.
+/// - `residual`: the coder of the difference picture, "wavelet" (the default) or "webp"; None: none is sent before
+///   `set_rate` asks for one.
+/// - `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from none.
+///   `key_every`: an intra frame after so many; 0: none after the first.
+/// - `tune`: what counts most, "psnr", "ssim" or "detection".
+/// - `profile`: how poses are written, "compact" or "paper". `short_form`: packets are short if an earlier one stated
+///   prior and camera. `predict_poses`: poses are predicted from those that the topside acknowledges.
+/// - `optimizer`: "gauss-newton", "bfgs", "adam" or "adam-bfgs". `threshold`: mean squared error, values in [0, 1], at
+///   which the gradient methods no longer start from the frame before.
+/// - `camera_interval`, `check_interval`: frames after which the camera, and a check of the render, are sent again; 0:
+///   never. `first_frame`: number of the first frame.
+/// - `truth`: packets have truth maps.
+/// - `frames_treated`: frames come treated as the prior's preprocessing says.
+/// - `learn`: the encoder makes updates of the prior; see `learn_more`.
+#[pyclass(frozen, module = "nvsprior", name = "Encoder")]
+pub struct PyEncoder(Handle<Content>);
+
+struct Content {
+    encoder: Encoder,
+    /// The frame, in memory that is kept.
+    frame: Picture,
+    encoded: Encoded,
+}
+
+#[pymethods]
+impl PyEncoder {
+    #[new]
+    #[pyo3(signature = (engine, prior, camera, *, quality = None, psnr = None, bytes = None,
+        residual = Some("wavelet"), stream = None, key_every = 16, tune = "psnr", profile = "compact",
+        optimizer = "gauss-newton", threshold = 1e-3, short_form = true, camera_interval = 64,
+        check_interval = 0, first_frame = 0, predict_poses = false, truth = true,
+        frames_treated = false, learn = false))]
+    #[allow(clippy::too_many_arguments)] // Python names them.
+    fn new(
+        py: Python,
+        engine: &PyEngine,
+        prior: &PyPrior,
+        camera: &PyCamera,
+        quality: Option<f32>,
+        psnr: Option<f64>,
+        bytes: Option<usize>,
+        residual: Option<&str>,
+        stream: Option<&str>,
+        key_every: u32,
+        tune: &str,
+        profile: &str,
+        optimizer: &str,
+        threshold: f64,
+        short_form: bool,
+        camera_interval: u32,
+        check_interval: u32,
+        first_frame: u32,
+        predict_poses: bool,
+        truth: bool,
+        frames_treated: bool,
+        learn: bool,
+    ) -> PyResult<PyEncoder> {
+        if !(threshold.is_finite() && threshold >= 0.0) {
+            return Err(
+                Failure::argument(format!("threshold: {threshold}, must be 0 or more")).into()
+            );
+        }
+        let coder = options::residual(residual)?;
+        let rate = options::rate(quality, psnr, bytes)?.unwrap_or(Rate::Quality(10.0));
+        let mut how = EncoderOptions {
+            threshold,
+            rate: coder.map(|_| rate),
+            residual: coder.unwrap_or_default(),
+            tune: options::tune(tune)?,
+            mode: options::mode(stream, key_every)?,
+            profile: options::profile(profile)?,
+            short: short_form,
+            camera_interval,
+            check_interval,
+            first_frame,
+            predict_poses,
+            truth,
+            frames_treated,
+            ..EncoderOptions::default()
+        };
+        how.refine.optimizer = options::optimizer(optimizer)?;
+        let encoder = detached(py, || {
+            let scene = engine.scene(&prior.0, learn)?;
+            let mut encoder = Encoder::new(&engine.engine, &scene, &camera.0, how)?;
+            if learn {
+                encoder.learn(&LearnOptions::default())?;
+            }
+            Ok(encoder)
+        })?;
+        Ok(PyEncoder(Handle::new(Content {
+            encoder,
+            frame: Picture::default(),
+            encoded: Encoded::with_room(camera.0.width, camera.0.height),
+        })))
+    }
+
+    /// Encodes a frame: uint8, shape (height, width, 3), RGB, of the camera's size. It is copied once, into memory that
+    /// the encoder keeps.
+    ///
+    /// `hint`: about where the camera stands, used if the frame before gives no good start; the first frame needs one
+    /// unless the prior has key frames. `time`: when the frame was taken, seconds on a clock of yours. `out`: an array
+    /// of the frame's shape, which then is `Encoded.picture`. A frame that fails changes nothing.
+    #[pyo3(signature = (frame, hint = None, *, time = None, out = None))]
+    fn encode(
+        &self,
+        py: Python,
+        frame: &Bound<PyAny>,
+        hint: Option<HintArgument>,
+        time: Option<f64>,
+        out: Option<&Bound<PyAny>>,
+    ) -> PyResult<PyEncoded> {
+        let hint = hint.map(|hint| match hint {
+            HintArgument::Pose(pose) => nvsprior::Hint::of(pose.0),
+            HintArgument::Hint(hint) => hint.0,
+        });
+        let mut call = self.0.enter()?;
+        let camera = *call.encoder.camera();
+        out.map(|out| check_out("out", out, (camera.width, camera.height))).transpose()?;
+        read_picture("frame", frame, &mut call.frame)?;
+        call.detached(py, |content| {
+            let Content { encoder, frame, encoded, .. } = content;
+            Ok(encoder.encode_into(frame, FrameInfo { hint, time }, encoded)?)
+        })?;
+        let picture = write_picture(py, &call.encoded.picture, out)?.unbind();
+        Ok(PyEncoded::new(py, &call.encoded, picture))
+    }
+
+    /// The prior's render at the pose of the last frame: uint8, shape (height, width, 3). `out`: as for `encode`.
+    #[pyo3(signature = (*, out = None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        write_picture(py, &self.0.enter()?.encoded.render, out)
+    }
+
+    /// Sets how fine the difference pictures are from here on; nothing: none is sent.
+    #[pyo3(signature = (*, quality = None, psnr = None, bytes = None))]
+    fn set_rate(
+        &self,
+        quality: Option<f32>,
+        psnr: Option<f64>,
+        bytes: Option<usize>,
+    ) -> PyResult<()> {
+        let rate = options::rate(quality, psnr, bytes)?;
+        self.0.enter()?.encoder.set_rate(rate);
+        Ok(())
+    }
+
+    /// The camera of the next frame.
+    #[getter]
+    fn camera(&self) -> PyResult<PyCamera> {
+        Ok(PyCamera(*self.0.enter()?.encoder.camera()))
+    }
+
+    /// Sets another camera, or another size, from the next frame on. Poses carry over.
+    fn set_camera(&self, py: Python, camera: &PyCamera) -> PyResult<()> {
+        Ok(self.0.enter()?.detached(py, |content| Ok(content.encoder.set_camera(&camera.0)?))?)
+    }
+
+    /// Sets which pixels count: an array of bool, or of uint8, of which 128 and more counts, shape (height, width).
+    /// None: all do. Mask what shows the vehicle itself.
+    fn set_mask(&self, mask: Option<&Bound<PyAny>>) -> PyResult<()> {
+        let mut call = self.0.enter()?;
+        let nvsprior::Camera { width, height, .. } = *call.encoder.camera();
+        let data = mask.map(|mask| read_mask("mask", mask, (width, height))).transpose()?;
+        let mask = data.map(|data| Mask { width, height, data });
+        Ok(call.encoder.set_mask(mask.as_ref()).map_err(Failure::from)?)
+    }
+
+    /// Sets the rectangle that gets more of the bits, pixels: (left, top, width, height). An error in it counts
+    /// `weight` times as much as one beside it, 1 to 255. None: all parts count the same.
+    #[pyo3(signature = (region, weight = 8))]
+    fn set_region(&self, region: Option<(u32, u32, u32, u32)>, weight: u8) -> PyResult<()> {
+        let mut call = self.0.enter()?;
+        let size = (call.encoder.camera().width, call.encoder.camera().height);
+        let interest = region.map(|(left, top, width, height)| {
+            let across = left..left.saturating_add(width);
+            Interest::rectangle(size, across, top..top.saturating_add(height), weight)
+        });
+        call.encoder.set_interest(interest.transpose().map_err(Failure::from)?);
+        Ok(())
+    }
+
+    /// Gives the next packet the full form and the camera: the topside asks what packets are about, or one was lost.
+    fn announce(&self) -> PyResult<()> {
+        self.0.enter()?.encoder.announce();
+        Ok(())
+    }
+
+    /// Tells that the topside has decoded a frame in full (`Decoded.kept`); the number may be modulo 65,536.
+    fn acknowledge(&self, frame: u32) -> PyResult<()> {
+        self.0.enter()?.encoder.acknowledge(frame);
+        Ok(())
+    }
+
+    /// Tells whether the topside holds the pose of a frame; the number may be modulo 65,536.
+    #[pyo3(signature = (frame, held = true))]
+    fn acknowledge_pose(&self, frame: u32, held: bool) -> PyResult<()> {
+        self.0.enter()?.encoder.acknowledge_pose(frame, held);
+        Ok(())
+    }
+
+    /// Leaves out the numbers of frames that are not encoded.
+    fn skip(&self, frames: u32) -> PyResult<()> {
+        self.0.enter()?.encoder.skip(frames);
+        Ok(())
+    }
+
+    /// Forgets the track: the next frame needs a hint, or key frames.
+    fn reset(&self) -> PyResult<()> {
+        self.0.enter()?.encoder.reset();
+        Ok(())
+    }
+
+    /// Renders key frames ahead, at most so many, for a first frame without a hint. Returns how many are left.
+    fn prepare(&self, py: Python, most: usize) -> PyResult<usize> {
+        Ok(self.0.enter()?.detached(py, |content| Ok(content.encoder.prepare(most)?))?)
+    }
+
+    /// Bytes that the next packet takes more than a steady one. Add them to what a sender plans.
+    #[getter]
+    fn extra_bytes(&self) -> PyResult<usize> {
+        Ok(self.0.enter()?.encoder.extra_bytes())
+    }
+
+    /// With `learn`: learns from the last frame, a slice of work. `price`: bytes of pictures that a byte of an update
+    /// costs (`Sender.update_price`).
+    #[pyo3(signature = (price = 1.0))]
+    fn learn_more(&self, py: Python, price: f64) -> PyResult<()> {
+        Ok(self.0.enter()?.detached(py, |content| Ok(content.encoder.learn_more(price)?))?)
+    }
+
+    /// The update that was proved last, once.
+    fn take_update<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let update = self.0.enter()?.encoder.take_update();
+        Ok(update.map(|bytes| PyBytes::new(py, &bytes)))
+    }
+
+    /// Number of the update that waits to be adopted.
+    #[getter]
+    fn waiting_update(&self) -> PyResult<Option<u16>> {
+        Ok(self.0.enter()?.encoder.waiting_update())
+    }
+
+    /// Draws with the update that waits from the next frame on, if it has this number.
+    fn adopt(&self, number: u16) -> PyResult<bool> {
+        Ok(self.0.enter()?.encoder.adopt(number))
+    }
+
+    /// Drops the update that waits: it cannot be sent.
+    fn drop_update(&self) -> PyResult<()> {
+        self.0.enter()?.encoder.drop_update();
+        Ok(())
+    }
+}

@@ -1,0 +1,164 @@
+//! Training a prior.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use nvsprior::{Camera, Picture, Prior, RenderOptions};
+use nvsprior_train::PosedPicture;
+use nvsprior_train::key_frames;
+use nvsprior_train::mapper::{ColouredPoint, MapOptions, Mapper};
+use pyo3::prelude::*;
+
+use crate::arrays::{read_mask, read_picture, rows};
+use crate::engine::PyEngine;
+use crate::errors::Failure;
+use crate::geometry::{PyCamera, PyPose};
+use crate::handle::detached;
+use crate::prior::PyPrior;
+
+/// Seconds between two looks at Python's signals.
+const SLICE: f64 = 0.2;
+
+/// Trains a prior from posed pictures, by 3D Gaussian Splatting with a fixed budget of splats.
+///
+/// `pictures`: a list of uint8 arrays, or one array, shape (count, height, width, 3), RGB. `camera`: that of all
+/// pictures. `poses`: one for each. `masks`: for each an array of which pixels count, as for `Encoder.set_mask`, or
+/// None. `points`, `colours`: where training starts, shape (count, 3), in the prior's unit, and colours in [0, 1];
+/// without them from random ones. `splats`: most of them. `sh_degree`: of the spherical harmonics, 0 to 3.
+/// `iterations`: steps, each towards one picture. `ssim`: share of SSIM in the loss. `knee`: errors below it count by
+/// their squares; 0: none. `exposure`: fit each picture's light. `correct_poses`: correct the poses. `seed`: of all
+/// that is random. `progress`: called now and then with the steps done and those of the whole; an exception ends the
+/// training.
+///
+/// The prior gets key frames at some of the poses, thinned out.
+#[pyfunction]
+#[pyo3(signature = (engine, pictures, camera, poses, *, masks = None, points = None, colours = None,
+    splats = 40_000, sh_degree = 1, iterations = 8_000, ssim = 0.2, knee = 0.1, exposure = false,
+    correct_poses = false, seed = 1, progress = None))]
+#[allow(clippy::too_many_arguments)] // Python names them.
+pub fn map(
+    py: Python,
+    engine: &PyEngine,
+    pictures: &Bound<PyAny>,
+    camera: &PyCamera,
+    poses: Vec<PyRef<PyPose>>,
+    masks: Option<Vec<Option<Bound<PyAny>>>>,
+    points: Option<&Bound<PyAny>>,
+    colours: Option<&Bound<PyAny>>,
+    splats: u32,
+    sh_degree: u32,
+    iterations: u32,
+    ssim: f32,
+    knee: f32,
+    exposure: bool,
+    correct_poses: bool,
+    seed: u64,
+    progress: Option<&Bound<PyAny>>,
+) -> PyResult<PyPrior> {
+    let share = |name: &str, value: f32| match (0.0..=1.0).contains(&value) {
+        true => Ok(value),
+        false => Err(Failure::argument(format!("{name}: {value}, must lie in 0 to 1"))),
+    };
+    if iterations == 0 {
+        return Err(Failure::argument("iterations: must be 1 or more").into());
+    }
+    let new = MapOptions::default();
+    let mut options = MapOptions { splats, sh_degree, exposure, correct_poses, seed, ..new };
+    options.schedule.ssim = share("ssim", ssim)?;
+    options.schedule.knee = share("knee", knee)?;
+    let options = options.stating_focal(&camera.0);
+    let views = posed_pictures(pictures, &camera.0, &poses, masks)?;
+    let points = coloured_points(points, colours)?;
+    let mapper = detached(py, || Ok(Mapper::new(&engine.engine, views, &points, &options)?))?;
+    let prior = Training { mapper, iterations, render: options.render }.run(py, progress)?;
+    Ok(PyPrior(Arc::new(prior)))
+}
+
+fn posed_pictures(
+    pictures: &Bound<PyAny>,
+    camera: &Camera,
+    poses: &[PyRef<PyPose>],
+    masks: Option<Vec<Option<Bound<PyAny>>>>,
+) -> PyResult<Vec<PosedPicture>> {
+    let count = pictures.len()?;
+    let alike = |name: &str, found: usize| match found == count {
+        true => Ok(()),
+        false => Err(Failure::argument(format!("{name}: {found} for {count} pictures"))),
+    };
+    alike("poses", poses.len())?;
+    masks.as_ref().map_or(Ok(()), |masks| alike("masks", masks.len()))?;
+    let (width, height) = (camera.width, camera.height);
+    let mut views = Vec::with_capacity(count);
+    for (index, pose) in poses.iter().enumerate() {
+        let name = format!("pictures[{index}]");
+        let mut picture = Picture::default();
+        read_picture(&name, &pictures.get_item(index)?, &mut picture)?;
+        if (picture.width, picture.height) != (width, height) {
+            let found = (picture.width, picture.height);
+            let expected = (width, height);
+            return Err(Failure::from(nvsprior::Error::FrameSize { expected, found }).into());
+        }
+        let mask = masks.as_ref().and_then(|masks| masks[index].as_ref());
+        let name = format!("masks[{index}]");
+        let mask = mask.map(|mask| read_mask(&name, mask, (width, height))).transpose()?;
+        views.push(PosedPicture { camera: *camera, pose: pose.0, picture, mask });
+    }
+    Ok(views)
+}
+
+fn coloured_points(
+    points: Option<&Bound<PyAny>>,
+    colours: Option<&Bound<PyAny>>,
+) -> PyResult<Vec<ColouredPoint>> {
+    let of = |name: &str, given: Option<&Bound<PyAny>>| {
+        given.map_or(Ok(Vec::new()), |given| rows::<3>(name, given, 0..=usize::MAX))
+    };
+    let (points, colours) = (of("points", points)?, of("colours", colours)?);
+    if points.len() != colours.len() {
+        let (found, due) = (colours.len(), points.len());
+        return Err(Failure::argument(format!("colours: {found} for {due} points")).into());
+    }
+    let pairs = points.into_iter().zip(colours);
+    Ok(pairs
+        .map(|(point, colour)| ColouredPoint {
+            position: point.map(|value| value as f32),
+            rgb: colour.map(|value| value as f32),
+        })
+        .collect())
+}
+
+struct Training {
+    mapper: Mapper,
+    iterations: u32,
+    render: RenderOptions,
+}
+
+impl Training {
+    fn run(mut self, py: Python, progress: Option<&Bound<PyAny>>) -> PyResult<Prior> {
+        while self.mapper.steps() < self.iterations {
+            detached(py, || self.slice())?;
+            py.check_signals()?;
+            if let Some(progress) = progress {
+                progress.call1((self.mapper.steps(), self.iterations))?;
+            }
+        }
+        Ok(detached(py, || self.prior())?)
+    }
+
+    fn prior(&self) -> Result<Prior, Failure> {
+        let splats = self.mapper.splats()?;
+        let cameras = self.mapper.views().iter().map(|view| view.camera);
+        let views: Vec<_> = cameras.zip(self.mapper.poses().iter().copied()).collect();
+        let key_frames = key_frames::of_run(&splats, self.render.near, &views)?;
+        Ok(Prior::from_splats(splats, self.render)?.with_key_frames(key_frames))
+    }
+
+    /// Some steps, for about as long as Python may wait.
+    fn slice(&mut self) -> Result<(), Failure> {
+        let since = Instant::now();
+        while self.mapper.steps() < self.iterations && since.elapsed().as_secs_f64() < SLICE {
+            self.mapper.step(f64::from(self.mapper.steps()) / f64::from(self.iterations))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,155 @@
+//! Priors.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nvsprior::prior::compact::{self, Quantisation};
+use nvsprior::prior::{KeyFrames, ply, replace_file, tables_file};
+use nvsprior::{Prior, RenderOverrides};
+use pyo3::prelude::*;
+
+use crate::arrays::numbers;
+use crate::errors::Failure;
+use crate::geometry::PyPose;
+use crate::handle::detached;
+
+/// A trained 3D Gaussian Splatting scene, checked, in host memory. Both sides of a link hold the same. It never
+/// changes; engines upload it when something draws it.
+#[pyclass(frozen, module = "nvsprior", name = "Prior")]
+pub struct PyPrior(pub Arc<Prior>);
+
+/// Steps of a compact prior's quantisation, as multiples of the usual ones: those of `nvsprior map`.
+const FINENESS: f32 = 0.25;
+
+/// Render options that replace those of a prior's file.
+fn overrides(
+    near: Option<f32>,
+    alpha_max: Option<f32>,
+    antialiased: Option<bool>,
+    background: Option<&Bound<PyAny>>,
+    trained_focal: Option<f32>,
+) -> PyResult<RenderOverrides> {
+    let background = background.map(|given| numbers::<3>("background", given)).transpose()?;
+    let background = background.map(|values| values.map(|value| value as f32));
+    Ok(RenderOverrides { near, alpha_max, antialiased, background, trained_focal })
+}
+
+#[pymethods]
+impl PyPrior {
+    /// Reads a prior from a file: .ply, .nvsg, .nvsb, .spz or .compressed.ply; the content tells the format. Key
+    /// frames, coder tables and filter weights in files beside it are read, too. The other arguments replace the
+    /// file's render options.
+    #[staticmethod]
+    #[pyo3(signature = (path, *, near = None, alpha_max = None, antialiased = None, background = None,
+        trained_focal = None))]
+    fn open(
+        py: Python,
+        path: PathBuf,
+        near: Option<f32>,
+        alpha_max: Option<f32>,
+        antialiased: Option<bool>,
+        background: Option<&Bound<PyAny>>,
+        trained_focal: Option<f32>,
+    ) -> PyResult<PyPrior> {
+        let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
+        let prior = detached(py, || Ok(Prior::open(&path, &overrides)?))?;
+        Ok(PyPrior(Arc::new(prior)))
+    }
+
+    /// Reads a prior from a file's content. `name` stands for the file in errors.
+    #[staticmethod]
+    #[pyo3(signature = (content, name = "prior", *, near = None, alpha_max = None, antialiased = None,
+        background = None, trained_focal = None))]
+    #[allow(clippy::too_many_arguments)] // Python names them.
+    fn from_bytes(
+        py: Python,
+        content: &[u8],
+        name: &str,
+        near: Option<f32>,
+        alpha_max: Option<f32>,
+        antialiased: Option<bool>,
+        background: Option<&Bound<PyAny>>,
+        trained_focal: Option<f32>,
+    ) -> PyResult<PyPrior> {
+        let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
+        let prior = detached(py, || Ok(Prior::from_bytes(content, name, &overrides)?))?;
+        Ok(PyPrior(Arc::new(prior)))
+    }
+
+    /// Number of splats.
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The identity: eight hexadecimal digits. If it is not equal on both sides of a link, their pictures differ.
+    #[getter]
+    fn id(&self) -> String {
+        self.0.id().to_string()
+    }
+
+    /// The format that it was read from.
+    #[getter]
+    fn format(&self) -> String {
+        self.0.report().format.to_string()
+    }
+
+    /// What was left out when it was read, a line for each reason; empty if all splats were valid.
+    #[getter]
+    fn dropped(&self) -> Vec<String> {
+        self.0.report().dropped.iter().map(ToString::to_string).collect()
+    }
+
+    /// The poses at which a lost camera is looked for.
+    #[getter]
+    fn key_frames(&self) -> Vec<PyPose> {
+        self.0.key_frames().poses().iter().copied().map(PyPose).collect()
+    }
+
+    /// The same prior with other key frames. They are no part of its identity.
+    fn with_key_frames(&self, poses: Vec<PyRef<PyPose>>) -> PyResult<PyPrior> {
+        let poses = poses.iter().map(|pose| pose.0).collect();
+        let key_frames = KeyFrames::new(poses).map_err(Failure::from)?;
+        Ok(PyPrior(Arc::new(self.0.as_ref().clone().with_key_frames(key_frames))))
+    }
+
+    /// Writes it to a file: .nvsg (compact, quantised: another identity) or .ply, by the name's ending. Coder tables go
+    /// into a .nvsg, or beside a .ply.
+    fn save(&self, py: Python, path: PathBuf) -> PyResult<()> {
+        detached(py, || save(&self.0, &path))?;
+        Ok(())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<nvsprior.Prior {}, {} splats>", self.0.id(), self.0.len())
+    }
+}
+
+fn save(prior: &Prior, path: &Path) -> Result<(), Failure> {
+    let (splats, options) = (prior.splats(), prior.options());
+    let (key_frames, preprocessing) = (prior.key_frames(), prior.preprocessing());
+    let tables = prior.coder_tables().map(AsRef::as_ref);
+    let mut bytes = Vec::new();
+    match path.extension().and_then(|ending| ending.to_str()) {
+        Some("nvsg") => {
+            let quantisation = Quantisation::default().scaled(FINENESS);
+            compact::write(splats, options, key_frames, &quantisation, &mut bytes)?;
+            if tables.is_some() {
+                bytes = compact::with_coder_tables(&bytes, tables)?;
+            }
+            if !preprocessing.is_none() {
+                bytes = compact::with_preprocessing(&bytes, preprocessing)?;
+            }
+        }
+        Some("ply") => {
+            ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)?;
+            if let Some(tables) = tables {
+                tables_file::save(tables, &tables_file::path_beside(path))?;
+            }
+        }
+        _ => {
+            let path = path.display();
+            return Err(Failure::argument(format!("path: {path} does not end in .nvsg or .ply")));
+        }
+    }
+    Ok(replace_file(path, &bytes)?)
+}

@@ -1,0 +1,141 @@
+"""Poses, cameras, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import nvsprior
+
+
+def test_poses_and_matrices():
+    pose = nvsprior.Pose((0.9, 0.1, -0.3, 0.2), [1, 2, 3])
+    matrix = pose.matrix()
+    assert np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3))
+    for given in (matrix, matrix[:3], matrix.tolist(), matrix.astype(np.float32)):
+        again = nvsprior.Pose.from_matrix(given)
+        assert np.allclose(again.matrix(), matrix, atol=1e-6)
+    assert np.allclose(pose.centre, -matrix[:3, :3].T @ [1, 2, 3])
+    assert np.allclose(pose.inverse().matrix() @ matrix, np.eye(4))
+    step = np.array([0.1, 0, -0.2, 0.02, 0.01, -0.03])
+    stepped = pose.stepped(step)
+    assert np.allclose(pose.between(stepped, 0.5).matrix(), pose.stepped(step / 2).matrix())
+    assert nvsprior.Pose() == nvsprior.Pose.from_matrix(np.eye(4)) != pose
+
+
+@pytest.mark.parametrize(
+    "matrix", [2 * np.eye(4), np.diag([1.0, 1, -1, 1]), np.eye(3), np.full((3, 4), np.nan), np.eye(4)[::-1]]
+)
+def test_what_is_no_pose_is_refused(matrix):
+    with pytest.raises(nvsprior.ArgumentError, match="^matrix: "):
+        nvsprior.Pose.from_matrix(matrix)
+
+
+def test_wrong_numbers_are_named(camera):
+    with pytest.raises(nvsprior.ArgumentError, match="rotation: .*zero"):
+        nvsprior.Pose((0, 0, 0, 0))
+    with pytest.raises(ValueError, match="translation: .*finite"):
+        nvsprior.Pose(translation=[0, np.inf, 0])
+    with pytest.raises(TypeError, match="rotation"):
+        nvsprior.Pose("north")
+    with pytest.raises(nvsprior.CameraError, match="fx = -1"):
+        nvsprior.Camera(320, 180, -1, 274, 160, 90)
+    with pytest.raises(nvsprior.CameraError, match="9000"):
+        camera.resized(9000, 10)
+    pose = nvsprior.Pose()
+    with pytest.raises(nvsprior.ArgumentError, match="covariance"):
+        nvsprior.Hint(pose, covariance=-np.eye(6))
+    with pytest.raises(nvsprior.ArgumentError, match="age: NaN"):
+        nvsprior.Hint(pose, age=np.nan)
+    assert nvsprior.Hint(pose, deviation=[0.1] * 6, age=0.5).age == 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"quality": 101}, "quality: 101"),
+        ({"quality": float("nan")}, "quality"),
+        ({"psnr": -1}, "psnr"),
+        ({"quality": 10, "bytes": 100}, "give one of them"),
+        ({"stream": "often"}, 'stream: "often", but there are "chain"'),
+        ({"residual": "jpeg"}, "residual"),
+        ({"residual": "webp", "stream": "chain"}, "streams take the wavelet coder"),
+        ({"threshold": float("nan")}, "threshold"),
+        ({"tune": "vmaf"}, "tune"),
+    ],
+)
+def test_wrong_options_are_named(engine, prior, camera, options, text):
+    with pytest.raises(nvsprior.ArgumentError, match=text):
+        nvsprior.Encoder(engine, prior, camera, **options)
+
+
+def test_wrong_arrays_are_named(engine, prior, camera, poses, frames):
+    encoder = nvsprior.Encoder(engine, prior, camera)
+    frame = frames[0]
+    with pytest.raises(TypeError, match="frame: dtype float64, but uint8"):
+        encoder.encode(frame / 255.0, poses[0])
+    with pytest.raises(TypeError, match="frame: a NumPy array is due"):
+        encoder.encode(frame.tolist(), poses[0])
+    with pytest.raises(nvsprior.ArgumentError, match=r"frame: .*\[96, 160, 4\]"):
+        encoder.encode(np.zeros((96, 160, 4), np.uint8), poses[0])
+    with pytest.raises(nvsprior.ArgumentError, match="frame of 80×96 pixels for a camera of 160×96"):
+        encoder.encode(np.ascontiguousarray(frame[:, :80]), poses[0])
+    with pytest.raises(TypeError, match="hint"):
+        encoder.encode(frame, hint=[0.0] * 7)
+    with pytest.raises(nvsprior.ArgumentError, match=r"mask: .*\[96, 160\]"):
+        encoder.set_mask(np.ones((3, 4), bool))
+    with pytest.raises(nvsprior.ArgumentError, match="no pixel counts"):
+        encoder.set_mask(np.zeros((96, 160), bool))
+    for out, text in [
+        (np.zeros((96, 80, 3), np.uint8), "out: .*shape"),
+        (np.zeros((160, 96, 3), np.uint8).transpose(1, 0, 2), "out: .*contiguous"),
+        (frame, "out: .*writeable"),
+    ]:
+        with pytest.raises(nvsprior.ArgumentError, match=text):
+            encoder.encode(frame, poses[0], out=out)
+    assert encoder.encode(frame, poses[0]).frame == 0, "what was refused changed nothing"
+
+
+def test_errors_have_the_librarys_texts(engine, prior, camera, frames, root, tmp_path):
+    bare = prior.with_key_frames([])
+    with pytest.raises(nvsprior.NoStartError, match="no pose to start from"):
+        nvsprior.Encoder(engine, bare, camera).encode(frames[0])
+    with pytest.raises(nvsprior.ArgumentError, match="before that of an earlier frame"):
+        encoder = nvsprior.Encoder(engine, prior, camera)
+        encoder.encode(frames[0], prior.key_frames[10], time=1.0)
+        encoder.encode(frames[1], time=0.5)
+    with pytest.raises(nvsprior.FileError, match="nowhere.ply") as raised:
+        nvsprior.Prior.open(tmp_path / "nowhere.ply")
+    assert isinstance(raised.value, OSError)
+    with pytest.raises(nvsprior.PriorError, match="^odd: "):
+        nvsprior.Prior.from_bytes(b"no prior", "odd")
+    with pytest.raises(nvsprior.DeviceError, match="no such device"):
+        nvsprior.Engine("no such device")
+    decoder = nvsprior.Decoder(engine, prior, pixel_limit=100)
+    with pytest.raises(nvsprior.PacketError, match="not a packet: first byte 0x61"):
+        decoder.decode(b"a" * 40)
+    encoded = nvsprior.Encoder(engine, prior, camera).encode(frames[0], prior.key_frames[10])
+    with pytest.raises(nvsprior.LimitError, match="at most 100 pixels"):
+        decoder.decode(encoded.packet)
+    other = nvsprior.Prior.open(root / "tests/vectors/prior.ply")
+    with pytest.raises(nvsprior.OtherPriorError, match=prior.id):
+        nvsprior.Decoder(engine, other).decode(encoded.packet)
+    damaged = bytearray(encoded.packet)
+    damaged[-1] ^= 1
+    decoded = nvsprior.Decoder(engine, prior).decode(bytes(damaged))
+    assert isinstance(decoded.damage, nvsprior.ResidualError) and "check" in str(decoded.damage)
+    assert all(issubclass(getattr(nvsprior, name), nvsprior.Error) for name in dir(nvsprior) if name.endswith("Error"))
+
+
+def test_priors_are_kept(prior, root, tmp_path):
+    assert len(prior) == 60_000 and prior.format == "compact prior" and prior.dropped == []
+    content = (root / "tools/basin/prior.nvsg").read_bytes()
+    assert nvsprior.Prior.from_bytes(content).id == prior.id
+    prior.save(tmp_path / "copy.ply")
+    copy = nvsprior.Prior.open(tmp_path / "copy.ply")
+    assert len(copy) == len(prior) and len(copy.key_frames) == len(prior.key_frames)
+    prior.save(tmp_path / "copy.nvsg")
+    assert len(nvsprior.Prior.open(tmp_path / "copy.nvsg")) == len(prior)
+    with pytest.raises(nvsprior.ArgumentError, match="path: .*copy.txt"):
+        prior.save(tmp_path / "copy.txt")
+
