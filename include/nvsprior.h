@@ -965,7 +965,7 @@ nvsp_status nvsp_last_error(const void *handle,
 // - `abi_version`: NVSP_ABI_VERSION of your header.
 nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version) NVSP_NONNULL(1);
 
-// Returns the library's version, such as "0.1.0". The text is static.
+// Returns the library's version, such as "1.0.0". The text is static.
 const char *nvsp_version(void);
 
 // Returns the ABI version that the library speaks. NVSP_INIT and every call that takes a structure refuse a program

@@ -1,20 +1,27 @@
 #!/usr/bin/env python3
-"""The licences of all that is linked into library, program, GStreamer plugin and Python package, as Debian's files.
+"""What is linked into library, program, GStreamer plugin and Python package: licences as Debian's copyright files, and
+bills of materials in the form CycloneDX.
 
-Usage: licences.py write   runs cargo-about (minutes) and writes packaging/licences/*.copyright
+Usage: licences.py write   runs cargo-about and cargo-cyclonedx (minutes), writes packaging/licences/*.copyright and
+                           packaging/sbom/*.cdx.json
        licences.py check   fails if a crate is linked in that these files do not name
 
 Debian's form: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
 """
 import json
+import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import textwrap
+import uuid
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "packaging" / "licences"
+BILLS = ROOT / "packaging" / "sbom"
 # What is linked, the manifest and features that say so, and the package whose dependencies are checked.
 PARTS = {
     "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi,paper"]),
@@ -150,6 +157,35 @@ def write(part, report):
     print(f"{part}: {len(named)} crates, {len(report['licenses'])} texts")
 
 
+def bill(part, manifest, package, features):
+    """Writes the bill of materials: the same text for the same crates, without this machine's folders."""
+    with tempfile.TemporaryDirectory() as scratch:
+        tree = pathlib.Path(scratch) / "nvsprior"
+        files = subprocess.run(["git", "ls-files", "*.rs", "*Cargo.toml", "Cargo.lock"], check=True, cwd=ROOT,
+                               stdout=subprocess.PIPE, text=True).stdout.split()
+        for name in files:
+            (tree / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, tree / name)
+        command = ["cargo", "cyclonedx", "--quiet", "--format", "json", "--spec-version", "1.5", "--target", "all",
+                   "--no-build-deps", "--override-filename", "bill", "--manifest-path", str(tree / manifest), *features]
+        subprocess.run(command, check=True, cwd=tree, env={**os.environ, "SOURCE_DATE_EPOCH": "0"})
+        text = (tree / manifest).with_name("bill.json").read_text().replace(str(tree), ".")
+    found = json.loads(text)
+    # Those for other systems are left out.
+    kept = set(linked(package, features))
+    found["components"] = [component for component in found["components"] if OURS.match(component["name"])
+                           or f"{component['name']} {component['version']}" in kept]
+    refs = {component["bom-ref"] for component in [found["metadata"]["component"], *found["components"]]}
+    found["dependencies"] = [{**entry, "dependsOn": sorted(refs & set(entry.get("dependsOn", [])))}
+                             for entry in found["dependencies"] if entry["ref"] in refs]
+    del found["metadata"]["timestamp"]
+    found.pop("serialNumber", None)
+    found["serialNumber"] = f"urn:uuid:{uuid.uuid5(uuid.NAMESPACE_URL, json.dumps(found, sort_keys=True))}"
+    BILLS.mkdir(exist_ok=True)
+    (BILLS / f"{part}.cdx.json").write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n")
+    print(f"{part}: a bill of {len(found['components'])} components for {package}")
+
+
 def linked(package, features):
     """The crates that a package links in, or that generate code for it: name and version."""
     lines = set()
@@ -168,6 +204,12 @@ def check(part, package, features):
     missing = [crate for crate in linked(package, features) if crate not in named]
     if missing:
         sys.exit(f"packaging/licences/{part}.copyright lacks {', '.join(missing)}: run `make licences`")
+    components = json.loads((BILLS / f"{part}.cdx.json").read_text())["components"]
+    billed = {f"{component['name']} {component['version']}" for component in components}
+    differ = billed.symmetric_difference(linked(package, features))
+    differ = sorted(crate for crate in differ if not OURS.match(crate.split()[0]))
+    if differ:
+        sys.exit(f"packaging/sbom/{part}.cdx.json lacks, or has without need, {', '.join(differ)}: run `make licences`")
     print(f"{part}: every crate that is linked in is named")
 
 
@@ -177,6 +219,7 @@ def main():
     for part, (manifest, package, features) in PARTS.items():
         if sys.argv[1] == "write":
             write(part, about(manifest, features))
+            bill(part, manifest, package, features)
         else:
             check(part, package, features)
 

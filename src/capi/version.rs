@@ -4,7 +4,7 @@ use std::ffi::c_char;
 
 use super::structs::NVSP_ABI_VERSION;
 
-/// Returns the library's version, such as "0.1.0". The text is static.
+/// Returns the library's version, such as "1.0.0". The text is static.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_version() -> *const c_char {
     const TEXT: &std::ffi::CStr = match std::ffi::CStr::from_bytes_with_nul(

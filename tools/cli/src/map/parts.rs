@@ -10,6 +10,7 @@ use nvsprior::image::Preprocessing;
 use nvsprior::prior::{KeyFrames, Splats, ply, replace_file};
 use nvsprior::{Engine, Prior};
 use nvsprior_inputs::posed::PosedInput;
+use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use nvsprior_train::parts::{Cells, Parts, View, places, points_of_splats};
 
@@ -18,7 +19,6 @@ use super::inputs::{self, Listed, MapInputs};
 use super::report::Poses;
 use super::{Args, Training, forward_seconds, memory, saved};
 use crate::container::Container;
-use crate::key_frames;
 use whole::Whole;
 
 /// Steps of a coarse prior, as a share of those of a part.
