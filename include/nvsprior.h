@@ -943,16 +943,16 @@ nvsp_status nvsp_last_error(const void *handle,
 #define NVSP_ABI_VERSION 1
 
 // Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
-#define NVSP_VERSION_MAJOR 0
+#define NVSP_VERSION_MAJOR 1
 
 // Second number.
-#define NVSP_VERSION_MINOR 1
+#define NVSP_VERSION_MINOR 0
 
 // Third number.
 #define NVSP_VERSION_PATCH 0
 
 // The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
-#define NVSP_VERSION_NUMBER 1000
+#define NVSP_VERSION_NUMBER 1000000
 
 // Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 // The structure then means all defaults. The macro NVSP_INIT calls this.

@@ -11,16 +11,16 @@ use super::status::*;
 pub const NVSP_ABI_VERSION: u32 = 1;
 /// Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
 #[allow(dead_code)] // For C alone.
-pub const NVSP_VERSION_MAJOR: u32 = 0;
+pub const NVSP_VERSION_MAJOR: u32 = 1;
 /// Second number.
 #[allow(dead_code)] // For C alone.
-pub const NVSP_VERSION_MINOR: u32 = 1;
+pub const NVSP_VERSION_MINOR: u32 = 0;
 /// Third number.
 #[allow(dead_code)] // For C alone.
 pub const NVSP_VERSION_PATCH: u32 = 0;
 /// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
 #[allow(dead_code)] // For C alone.
-pub const NVSP_VERSION_NUMBER: u32 = 1000;
+pub const NVSP_VERSION_NUMBER: u32 = 1_000_000;
 
 /// Bytes of the two fields that all these structures begin with.
 const HEAD: usize = 8;
