@@ -68,7 +68,7 @@ fn wrong_usage_ends_with_2() {
         ),
         (&format!("bench {INPUT} --trials 999999999999"), "from 0 to 100,000"),
         ("decode --prior prior.ply --packets p --frames out --width 160", "--cameras"),
-        ("demo --run T6", "there are: T1, T2, T3, T4, T5"),
+        ("demo --run T9", "there are: T1, T2, T3, T4, T5"),
         ("demo --run T4 --site quay", "not a run of that --site"),
         ("demo --run T2 --age 8", "only the scene of T4 and T5 ages"),
         ("demo --run T4 --age -1", "between 0 and 520 weeks"),
