@@ -2,8 +2,9 @@
 # Writes the source archive, target/dist/nvsprior-VERSION.tar.xz: the last commit, with all crates, so that it builds
 # without a network. Beside it: the recipes for Conan and vcpkg, with its address and checksums.
 # Beside it, too: SHA256SUMS, and with SIGN the signatures *.asc of archive and sums.
-# Usage: [ADDRESS=file://...] [SIGN=KEY] dist.sh; ADDRESS is where the archive will lie, this folder if it is not given.
-# KEY is the one that GnuPG signs with.
+# Usage: [ADDRESS=file://...] [SIGN=KEY] dist.sh
+# ADDRESS: the folder that the recipes fetch the archive from; by default the one that it is written to.
+# SIGN: the key that GnuPG signs with; without it nothing is signed.
 set -eu
 cd "$(dirname "$0")/.."
 version=$(sed -n '/^\[package\]/,/^\[/s/^version = "\(.*\)"/\1/p' Cargo.toml)

@@ -6,13 +6,14 @@ mod scene;
 use std::alloc::System;
 use std::sync::Arc;
 
+use common::write_blocked;
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
 use nvsprior::keys::{Key, Keys};
 use nvsprior::modem::{
     Collector, CollectorOptions, Loss, Protection, RateControlOptions, Sender, SenderOptions,
 };
 use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::blocked::{BlockedPrior, BlockedWriter, Extras};
+use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
 use nvsprior::render::{BlockReader, Scene};
 use nvsprior::tracking::Optimizer;
@@ -83,15 +84,7 @@ fn heap_calls_of(
 fn heap_calls_in_blocks(engine: &Engine, frames: &[Picture]) -> usize {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("wall.nvsb");
-    let prior = wall(1);
-    let extras = Extras {
-        key_frames: prior.key_frames(),
-        coder_tables: None,
-        preprocessing: prior.preprocessing(),
-    };
-    let writer = BlockedWriter { block: 256, ..BlockedWriter::default() };
-    let file = std::fs::File::create(&path).unwrap();
-    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    write_blocked(&path, &wall(1), 256);
     let blocked = Arc::new(BlockedPrior::open(&path).unwrap());
     let open = || engine.open_blocked(&blocked, 8 << 20, BlockReader::threaded()).unwrap();
     let [sent, shown] = [open(), open()];

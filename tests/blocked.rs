@@ -5,10 +5,10 @@ mod common;
 use std::path::Path;
 use std::sync::Arc;
 
-use common::{assert_silent, camera, engine, random_splats};
+use common::{assert_silent, camera, engine, random_splats, write_blocked};
 use glam::{DQuat, DVec3};
 use nvsprior::prior::Splats;
-use nvsprior::prior::blocked::{BlockedPrior, BlockedWriter, Extras};
+use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Plan, Residency, Scene};
 use nvsprior::vulkan::Error as VulkanError;
 use nvsprior::{
@@ -52,14 +52,7 @@ struct Wall {
 }
 
 fn blocked_at(path: &Path, prior: &Prior, block: usize) -> BlockedPrior {
-    let file = std::fs::File::create(path).unwrap();
-    let writer = BlockedWriter { block, ..BlockedWriter::default() };
-    let extras = Extras {
-        key_frames: prior.key_frames(),
-        coder_tables: None,
-        preprocessing: prior.preprocessing(),
-    };
-    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    write_blocked(path, prior, block);
     BlockedPrior::open(path).unwrap()
 }
 

@@ -6,10 +6,10 @@ mod fixture;
 #[path = "../../tests/scene/mod.rs"]
 mod scene;
 
+use common::write_blocked;
 use fixture::{FRAMES, Fixture, Pipeline, RATE, bytes, fixture, frame_pose, pose_text, psnr};
 use gst::prelude::*;
 use nvsprior::modem::{Collected, Collector, CollectorOptions};
-use nvsprior::prior::blocked::{BlockedWriter, Extras};
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{Decoder, Encoder, EncoderOptions, Mode, Rate, Structure, Trust};
 use scene::{CAMERA, wall};
@@ -72,15 +72,7 @@ fn packets_and_pictures_are_the_librarys() {
 fn a_prior_in_blocks_gives_the_packets_of_the_whole_one() {
     let fixture = fixture();
     let path = fixture.file("wall.nvsb");
-    let prior = wall(1);
-    let extras = Extras {
-        key_frames: prior.key_frames(),
-        coder_tables: None,
-        preprocessing: prior.preprocessing(),
-    };
-    let writer = BlockedWriter { block: 256, ..BlockedWriter::default() };
-    let file = std::fs::File::create(&path).unwrap();
-    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    write_blocked(path.as_ref(), &wall(1), 256);
     let run = |memory: u32, behind: &str| {
         let encoder = format!("rate=bytes bytes=300 prior={path} prior-memory={memory}");
         fixture.encoding(&encoder, behind).run(&fixture.frames).bytes()

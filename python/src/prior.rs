@@ -36,9 +36,9 @@ fn overrides(
 
 #[pymethods]
 impl PyPrior {
-    /// Reads a prior from a file: .ply, .nvsg, .nvsb, .spz or .compressed.ply; the content tells the format. Key
-    /// frames, coder tables and filter weights in files beside it are read, too. The other arguments replace the
-    /// file's render options.
+    /// Reads a prior from a file: .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the
+    /// format. Key frames, coder tables and filter weights in files beside it are read, too. The other arguments
+    /// replace the file's render options.
     #[staticmethod]
     #[pyo3(signature = (path, *, near = None, alpha_max = None, antialiased = None, background = None,
         trained_focal = None))]

@@ -10,39 +10,33 @@ use super::{blocked, compact, ply};
 #[cfg(feature = "formats")]
 use super::{gltf, sog, spz};
 
-/// Reads a file's content. The first bytes tell the format.
-pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    if bytes.starts_with(compact::MAGIC) {
-        return compact::read(bytes);
-    }
-    if bytes.starts_with(&blocked::MAGIC) {
-        return blocked::read(bytes);
-    }
+type Reader = fn(&[u8]) -> Result<PriorFile, PriorError>;
+
+/// How files of each format start, and what reads them.
+const FORMATS: &[(&[u8], Reader)] = &[
+    (ply::MAGIC, ply::read_ply),
+    (compact::MAGIC, compact::read),
+    (&blocked::MAGIC, blocked::read),
     #[cfg(feature = "formats")]
-    if spz::MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
-        return spz::read(bytes);
-    }
+    (spz::MAGICS[0], spz::read),
     #[cfg(feature = "formats")]
-    if bytes.starts_with(gltf::MAGIC) {
-        return gltf::read(bytes);
-    }
+    (spz::MAGICS[1], spz::read),
     #[cfg(feature = "formats")]
-    if bytes.starts_with(sog::MAGIC) {
-        return sog::read(bytes);
-    }
-    ply::read_ply(bytes)
+    (gltf::MAGIC, gltf::read),
+    #[cfg(feature = "formats")]
+    (sog::MAGIC, sog::read),
+];
+
+/// What reads files that start so.
+fn reader_of(start: &[u8]) -> Option<Reader> {
+    let format = FORMATS.iter().find(|(magic, _)| start.starts_with(magic));
+    format.map(|(_, reader)| *reader)
 }
 
-/// Whether files of a known format start so.
-fn is_known(start: &[u8]) -> bool {
-    let known = [ply::MAGIC, compact::MAGIC, &blocked::MAGIC];
-    let known = known.iter().any(|magic| start.starts_with(magic));
-    #[cfg(feature = "formats")]
-    let known = known
-        || [spz::MAGICS[0], spz::MAGICS[1], gltf::MAGIC, sog::MAGIC]
-            .iter()
-            .any(|magic| start.starts_with(magic));
-    known
+/// Reads a file's content. The first bytes tell the format.
+pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    // What is of no format is refused as a PLY file is.
+    reader_of(bytes).unwrap_or(ply::read_ply)(bytes)
 }
 
 /// Longest start of a file that tells its format, bytes.
@@ -54,7 +48,7 @@ pub(super) fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let mut bytes = Vec::new();
     (&mut file).take(LONGEST_MAGIC).read_to_end(&mut bytes)?;
-    if is_known(&bytes) {
+    if reader_of(&bytes).is_some() {
         file.read_to_end(&mut bytes)?;
     }
     Ok(bytes)

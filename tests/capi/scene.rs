@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
-use nvsprior::prior::blocked::{BlockedWriter, Extras};
 use nvsprior::prior::{KeyFrames, compact};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture, Prior};
 
+use crate::common::write_blocked;
 use crate::wall;
 
 /// Small, so that a frame takes little time even under a memory checker.
@@ -37,7 +37,7 @@ fn write(folder: &Path) {
     let other = folder.join("other.ply");
     wall::write_prior(&folder.join("prior.ply"), &prior);
     write_compact(&folder.join("prior.nvsg"), &prior);
-    write_blocked(&folder.join("prior.nvsb"), &prior);
+    write_blocked(&folder.join("prior.nvsb"), &prior, 256);
     wall::write_prior(&other, &wall::wall(2));
     let key_frames = (0..3).map(|t| wall::pose(f64::from(t))).collect();
     let key_frames = KeyFrames::new(key_frames).unwrap();
@@ -77,15 +77,6 @@ fn write_compact(path: &Path, prior: &Prior) {
     let file = std::fs::File::create(path).unwrap();
     let (none, fine) = (&KeyFrames::NONE, &compact::Quantisation::default());
     compact::write(prior.splats(), prior.options(), none, fine, file).unwrap();
-}
-
-/// The prior in blocks: another one, too.
-fn write_blocked(path: &Path, prior: &Prior) {
-    let file = std::fs::File::create(path).unwrap();
-    let (key_frames, preprocessing) = (prior.key_frames(), prior.preprocessing());
-    let extras = Extras { key_frames, coder_tables: None, preprocessing };
-    let writer = BlockedWriter { block: 256, ..BlockedWriter::default() };
-    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
 }
 
 /// Something that the prior does not know.

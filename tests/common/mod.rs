@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use nvsprior::prior::Splats;
+use nvsprior::prior::blocked::{BlockedWriter, Extras};
 pub use nvsprior::random::Random;
 use nvsprior::vulkan::{DeviceOptions, Error};
 use nvsprior::{Camera, Engine, Pose, Prior, RenderOptions, RenderOverrides};
@@ -108,4 +109,13 @@ pub const REEF_CAMERA: Camera =
 pub fn reef_pose() -> Pose {
     let q = [0.999_346_584, -0.015_059_814, -0.028_719_738, -0.015_961_938];
     Pose::from_wxyz(q, [-0.678_934_667, -2.736_716_17, 5.398_765_727]).expect("a pose")
+}
+
+/// Writes a prior in blocks of at most so many splats. The splats are rounded, so it is another prior.
+pub fn write_blocked(path: &Path, prior: &Prior, block: usize) {
+    let file = std::fs::File::create(path).unwrap();
+    let (key_frames, preprocessing) = (prior.key_frames(), prior.preprocessing());
+    let extras = Extras { key_frames, coder_tables: None, preprocessing };
+    let writer = BlockedWriter { block, ..BlockedWriter::default() };
+    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
 }

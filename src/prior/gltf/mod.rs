@@ -101,7 +101,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Puts the splats where the node says, behind those that are there.
+    /// Appends the splats, moved by the transform of their node.
     fn append(&self, placement: &Placement, splats: &mut Splats) {
         let stride = splats.sh_stride();
         for index in 0..self.positions.count {

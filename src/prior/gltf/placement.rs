@@ -13,7 +13,7 @@ const MAX_DEPTH: usize = 64;
 /// Most that a node's axes may differ from right angles of one length, as a part of that length.
 const ROUNDING: f64 = 1e-4;
 
-/// A primitive with splats, and where it is.
+/// A primitive with splats, and its transform to the world.
 pub struct Placement<'a> {
     pub primitive: &'a Primitive,
     translation: DVec3,
