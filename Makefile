@@ -25,7 +25,7 @@ help:
 	@echo "make test           all tests"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
-	@echo "make figures        measures what the documents show, into docs/results/: an hour, goes on after a cut;"
+	@echo "make figures        measures what the documents show, into docs/results/: two hours, goes on after a cut;"
 	@echo "                    QUICK=1: minutes, compares only; ONLY=\"demo reef\": these; AGAIN=1: what is there, too"
 	@echo "make docs-tables    writes the tables of the documents from docs/results/"
 	@echo "make wheel          the Python package, in target/wheels/: docs/python.md; make wheel-aarch64 for 64-bit ARM"
@@ -199,9 +199,9 @@ cross-aarch64:
 	GLIBC=$(GLIBC) KEEP=target/nvsprior-firmware-aarch64 \
 		scripts/package-test.sh firmware aarch64-unknown-linux-gnu
 	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
-	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet
-	scripts/cross-test.sh aarch64-unknown-linux-gnu small_blocks
-	scripts/cross-test.sh aarch64-unknown-linux-gnu displaced
+	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet on_every_processor
+	scripts/cross-test.sh aarch64-unknown-linux-gnu small_blocks on_every_processor
+	scripts/cross-test.sh aarch64-unknown-linux-gnu displaced on_every_processor
 
 dist:
 	@scripts/setup.sh dist
