@@ -20,6 +20,7 @@ import results
 from results import ROOT, Problem
 
 WORK = ROOT / "target" / "figures"
+KNOWN = {measurement.name: measurement for measurement in measurements.ALL}
 PROGRAM = os.environ.get("NVSPRIOR", measurements.NVSPRIOR)
 
 
@@ -47,6 +48,18 @@ def commit():
     return line("git", "rev-parse", "--short=10", "HEAD") + (" with changes" if changed else "")
 
 
+# What stands in commands for the folders of other measurements.
+FOLDERS = {"mapping": "MAPPED"}
+
+
+def in_folders(command, measurement, out, priors):
+    """The command with its folders and its program."""
+    command = command.replace("OUT", str(out)).replace(measurements.NVSPRIOR, PROGRAM)
+    for need in measurement.needs:
+        command = command.replace(FOLDERS[need], str(WORK / need))
+    return command.replace("REEF", str(priors["reef"].parent)) if "reef" in priors else command
+
+
 def measure(measurement):
     """Runs the commands in a folder of their own; the result, or None if a prior is not on this machine."""
     priors = {name: results.find(name) for name in measurement.priors}
@@ -56,11 +69,13 @@ def measure(measurement):
         return None
     out = WORK / measurement.name
     out.mkdir(parents=True, exist_ok=True)
+    for need in measurement.needs:
+        if not (WORK / need / "prior.nvsg").exists():
+            result = measure(KNOWN[need])
+            if result:
+                results.write(result)
     for command in measurement.commands:
-        command = command.replace("OUT", str(out)).replace(measurements.NVSPRIOR, PROGRAM)
-        if "reef" in priors:
-            command = command.replace("REEF", str(priors["reef"].parent))
-        shell(command)
+        shell(in_folders(command, measurement, out, priors))
     return {
         "name": measurement.name,
         "commands": measurement.commands,
@@ -98,11 +113,10 @@ def main():
     parser.add_argument("--again", action="store_true")
     parser.add_argument("names", nargs="*")
     args = parser.parse_args()
-    known = {measurement.name: measurement for measurement in measurements.ALL}
-    unknown = [name for name in args.names if name not in known]
+    unknown = [name for name in args.names if name not in KNOWN]
     if unknown:
-        raise Problem(f"no measurement is called {unknown[0]}: there are {', '.join(known)}")
-    chosen = [known[name] for name in args.names] or [m for m in known.values() if m.quick or not args.quick]
+        raise Problem(f"no measurement is called {unknown[0]}: there are {', '.join(KNOWN)}")
+    chosen = [KNOWN[name] for name in args.names] or [m for m in KNOWN.values() if m.quick or not args.quick]
     same = True
     for measurement in chosen:
         if not (args.quick or args.again) and is_there(measurement):

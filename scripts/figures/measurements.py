@@ -2,14 +2,17 @@
 
 Each measurement has the commands, the priors that it is of, and what it reads from the folder OUT that they leave. Of
 its values, `exact` are those that every device must give again: bytes, PSNR, counts. All others depend on the machine.
-`quick` ones take minutes.
+`quick` ones take minutes. `needs` are measurements whose folders the commands read: MAPPED stands for that of
+`mapping`.
 """
-import csv
 import dataclasses
-import json
 from typing import Callable
 
+import readers
+
 NVSPRIOR = "target/release/nvsprior"
+DEMO_PRIOR = "tools/basin/prior.nvsg"
+REEF = "--cameras REEF/cameras.json --split test_block"
 
 
 @dataclasses.dataclass
@@ -20,118 +23,116 @@ class Measurement:
     read: Callable
     exact: Callable
     quick: bool = False
+    needs: tuple[str, ...] = ()
 
 
-def load(path):
-    return json.loads(path.read_text())
+def draw(run, frames, more=""):
+    return f"{NVSPRIOR} demo --run {run} --draw-only --frames {frames} {more}--out OUT"
 
 
-def rows_of_demo(out):
-    return {"rows": load(out / "table.json")}
+def drawn(run):
+    return f"--prior {DEMO_PRIOR} --cameras OUT/{run}/cameras.json"
 
 
-def exact_of_demo(values):
-    return [[row["run"], row["method"], round(row["bytes"], 1), round(row["psnr"], 2)]
-            for row in values["rows"] if "NVSPrior" in row["method"]]
+def demo_bench(run):
+    return [draw(run, 24), f"{NVSPRIOR} bench {drawn(run)} --bfgs-frames 0 --configurations 0 --report OUT/bench"]
 
 
-FIGURES = ["frame_ms", "in_forward_renders", "in_forward_renders_p95", "failures", "trials", "db_short"]
+# Versions of the coders that others wrote: those of the ffmpeg, cjxl and djxl in PATH.
+CODERS = ("ffmpeg -version | head -n 1 > OUT/coders.txt; cjxl --version 2>&1 | head -n 1 >> OUT/coders.txt; "
+          "for c in libx264 libx265 libaom-av1 libsvtav1 libvvenc; do ffmpeg -v error -encoders | grep -ow $c "
+          "| head -n 1 >> OUT/coders.txt; done; true")
 
 
-def figures_of(report, kind):
-    return {name: report[kind][name] for name in FIGURES}
+def codecs(name, priors, inputs, commands=(), needs=()):
+    """The wavelet coder beside others, on the difference pictures of a run."""
+    return Measurement(f"codecs-{name}", priors, [
+        *commands, CODERS,
+        f"{NVSPRIOR} bench --codecs --differences {inputs} --report OUT/codecs",
+    ], readers.codecs, readers.exact_of_codecs, needs=needs)
 
 
-def bench(out):
-    """A bench's report, without the poses."""
-    report = load(out / "bench/report.json")
-    kinds = ["steady", "perturbed_3deg", "perturbed_10deg"] + [k for k in ("bfgs",) if k in report]
-    values = {kind: figures_of(report, kind) for kind in kinds}
-    for name in ("frames", "splats", "size", "forward_render_ms", "commands", "ceilings"):
-        values[name] = report[name]
-    values["code_ms"] = report["steady"]["code_ms"]
-    values["stages"] = [{key: stage[key] for key in ("job", "name", "ms", "share_of_copy", "share_of_fma", "bound")}
-                        for stage in report["stages"]]
-    return values
+def paper(name, priors, inputs, commands=()):
+    """The methods of the paper's tables, without those that are learned."""
+    return Measurement(f"paper-{name}", priors, [*commands, f"{NVSPRIOR} bench --paper {inputs} --report OUT/paper"],
+                       readers.paper, readers.exact_of_paper)
 
 
-def exact_of_bench(values):
-    return [values["frames"], values["splats"], values["steady"]["failures"], values["commands"]]
+MODES = {
+    "intra": "",
+    "chain": "--mode stream",
+    "layers": "--mode stream --structure layers --key-every 0",
+    "keys": "--mode stream --structure keys --key-every 0",
+}
 
 
-def reef(out):
-    values = bench(out)
-    for coder in ("wavelet", "webp"):
-        summary = load(out / f"{coder}.json")
-        values[coder] = {name: summary["mean"][name] for name in ("bytes", "psnr", "render_psnr")}
-    return values
+def at_levels(name, inputs, levels=(31, 32, 33), more=""):
+    """Encodes at several PSNRs: OUT/NAME-LEVEL.json."""
+    return (f"for psnr in {' '.join(map(str, levels))}; do {NVSPRIOR} encode {inputs} {more} --psnr $psnr --packets "
+            f"OUT/packets --summary OUT/{name}-$psnr.json; done")
 
 
-def exact_of_reef(values):
-    coders = [[round(v, 2) for v in values[coder].values()] for coder in ("wavelet", "webp")]
-    return exact_of_bench(values) + coders
+def modes(run, inputs, names=("intra", "chain", "layers")):
+    return [at_levels(f"{run}-{name}", inputs, more=f"--no-truth {MODES[name]}") for name in names]
 
 
-def ablation(out):
-    report = load(out / "ablation/ablation.json")
-
-    def medians(row):
-        names = ("render_psnr", "energy", "bytes", "iterations", "full_renders", "in_forward_renders")
-        kept = {name: row[name] for name in row if not isinstance(row[name], dict) and name != "share_found"}
-        return kept | {name: row[name]["median"] for name in names if row["trials"]}
-
-    best = sorted(best["psnr"] for best in report["best_known"])
-    return {
-        "frames": report["frames"],
-        "splats": report["splats"],
-        "size": report["size"],
-        "best_known_psnr": best[(len(best) - 1) // 2],
-        "bins": [medians(row) for row in report["bins"]],
-        "starts": [medians(row) for row in report["starts"]],
-    }
+LINK = f"{NVSPRIOR} link --prior MAPPED/prior.nvsg {REEF} --threshold 1e-2 --seconds 8 --bit-rate 20000"
+LOSSES = "--loss 0,0.05,0.2,0.4"
 
 
-def exact_of_ablation(values):
-    return [[row["method"], row["kind"], row["from"], row["found"], row["trials"]] for row in values["bins"]]
+def poses(run, inputs):
+    return [f"{NVSPRIOR} link {inputs} --return-delay 0.3 --report OUT/poses-{run}-{name} {option}"
+            for name, option in (("stated", "--state-poses"), ("predicted", ""))]
 
-
-def stability(out):
-    with open(out / "stability.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    groups = {}
-    for row in rows:
-        group = groups.setdefault(row["group"], {"cases": set(), "rows": 0, "as_expected": 0})
-        group["cases"].add(row["case"])
-        group["rows"] += 1
-        group["as_expected"] += row["as expected"] == "yes"
-    return {"groups": [{"group": name, **group, "cases": len(group["cases"])} for name, group in groups.items()]}
-
-
-def exact_of_stability(values):
-    return [list(group.values()) for group in values["groups"]]
-
-
-DEMO_BENCH = ("{nvsprior} demo --run {run} --draw-only --frames 24 --out OUT && "
-              "{nvsprior} demo --frames 1 --out OUT/one > OUT/one.txt && "
-              "{nvsprior} bench --prior OUT/one/prior.ply --cameras OUT/{run}/cameras.json --bfgs-frames 0 "
-              "--configurations 0 --report OUT/bench")
-
-ABLATION = (f"{NVSPRIOR} demo --frames 8 --run T1 --draw-only --out OUT && "
-            f"{NVSPRIOR} demo --frames 1 --out OUT/one > OUT/one.txt && "
-            f"{NVSPRIOR} bench --ablation --prior OUT/one/prior.ply --cameras OUT/T1/cameras.json "
-            "--ablation-trials 24 --ablation-adam-trials 0 --report OUT/ablation")
 
 ALL = [
-    Measurement("demo", ["demo"], [f"{NVSPRIOR} demo --out OUT"], rows_of_demo, exact_of_demo, quick=True),
+    Measurement("demo", ["demo"], [f"{NVSPRIOR} demo --out OUT"], readers.rows_of_demo, readers.exact_of_demo,
+                quick=True),
     Measurement("reef", ["reef"], [
-        f"{NVSPRIOR} bench --prior REEF/prior.ply --cameras REEF/cameras.json --split test_block --report OUT/bench",
-        f"{NVSPRIOR} encode --prior REEF/prior.ply --cameras REEF/cameras.json --split test_block --quality 10 "
-        "--packets OUT/packets --summary OUT/wavelet.json",
-        f"{NVSPRIOR} encode --prior REEF/prior.ply --cameras REEF/cameras.json --split test_block --quality 10 "
-        "--residual webp --packets OUT/webp --summary OUT/webp.json",
-    ], reef, exact_of_reef),
-    *[Measurement(run.lower(), ["demo"], [DEMO_BENCH.format(nvsprior=NVSPRIOR, run=run)], bench, exact_of_bench)
+        f"{NVSPRIOR} bench --prior REEF/prior.ply {REEF} --report OUT/bench",
+        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets --summary OUT/wavelet.json",
+        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --residual webp --packets OUT/webp "
+        "--summary OUT/webp.json",
+    ], readers.reef, readers.exact_of_reef),
+    *[Measurement(run.lower(), ["demo"], demo_bench(run), readers.bench, readers.exact_of_bench)
       for run in ("T1", "T2")],
-    Measurement("ablation", ["demo"], [ABLATION], ablation, exact_of_ablation),
-    Measurement("stability", [], [f"{NVSPRIOR} stability --report OUT"], stability, exact_of_stability),
+    Measurement("ablation", ["demo"], [
+        draw("T1", 8),
+        f"{NVSPRIOR} bench --ablation {drawn('T1')} --ablation-trials 24 --ablation-adam-trials 0 "
+        "--report OUT/ablation",
+    ], readers.ablation, readers.exact_of_ablation),
+    Measurement("stability", [], [f"{NVSPRIOR} stability --report OUT"], readers.stability,
+                readers.exact_of_stability),
+    Measurement("mapping", ["reef"], [
+        f"{NVSPRIOR} map --cameras REEF/cameras.json --split train --points REEF/points.ply --out OUT/prior.nvsg "
+        "--report OUT/map",
+        at_levels("mapped", f"--prior OUT/prior.nvsg {REEF} --threshold 1e-2", more="--no-truth"),
+        at_levels("given", f"--prior REEF/prior.ply {REEF}", more="--no-truth"),
+    ], readers.mapping, readers.exact_of_mapping),
+    Measurement("streams", ["demo", "reef"], [
+        *modes("reef", f"--prior REEF/prior.ply {REEF}", names=MODES),
+        *modes("mapped", f"--prior MAPPED/prior.nvsg {REEF} --threshold 1e-2"),
+        *[command for run in ("T2", "T4") for command in (draw(run, 12), *modes(run, drawn(run)))],
+    ], readers.streams, readers.exact_of_streams, needs=("mapping",)),
+    codecs("reef", ["reef"], f"--prior REEF/prior.ply {REEF}"),
+    codecs("mapped", ["reef"], f"--prior MAPPED/prior.nvsg {REEF} --threshold 1e-2", needs=("mapping",)),
+    *[codecs(run.lower(), ["demo"], f"--starts camera-file {drawn(run)}", [draw(run, frames)])
+      for run, frames in (("T1", 12), ("T2", 12), ("T4", 4))],
+    Measurement("sizes", ["demo"], [
+        draw("T1", 8, "--width 1280 "),
+        f"{NVSPRIOR} bench --sizes {drawn('T1')} --trained-focal 228.5037 --report OUT/sizes",
+    ], readers.sizes, readers.exact_of_sizes),
+    Measurement("sites", ["demo"], [f"{NVSPRIOR} bench --site --site-parts 60 --report OUT"], readers.sites,
+                readers.exact_of_sites),
+    Measurement("link", ["demo", "reef"], [
+        *[f"{LINK} --mtu {mtu} {LOSSES} --burst {burst} --report OUT/loss-{mtu}-{burst}"
+          for mtu in (64, 256) for burst in (1, 4)],
+        *[f"{LINK} --mtu 64 --loss 0,0.05,0.2 --mode stream --structure {structure} --key-every {every} "
+          f"--report OUT/{structure}" for structure, every in (("keys", 8), ("layers", 16), ("chain", 16))],
+        *poses("reef", f"--prior REEF/prior.ply {REEF} --threshold 1e-2 --bit-rate 20000 --seconds 8"),
+        *[command for run in ("T1", "T2")
+          for command in (draw(run, 60), *poses(run, f"{drawn(run)} --fps 3 --bit-rate 4000"))],
+    ], readers.link, readers.exact_of_link, needs=("mapping",)),
+    paper("reef", ["reef"], f"--prior REEF/prior.ply {REEF}"),
+    *[paper(run.lower(), ["demo"], f"{drawn(run)} --split {run}", [draw(run, 15)]) for run in ("T1", "T2")],
 ]

@@ -1,26 +1,5 @@
-"""How the documents' tables are made of docs/results. Each entry of TABLES makes one, as lines of Markdown."""
-import measurements
-import results
-
-# Names of the results that tables have read.
-read = set()
-
-
-def values(name):
-    read.add(name)
-    return results.read(name)["values"]
-
-
-def table(header, rows):
-    lines = [header, ["---"] * len(header), *rows]
-    return "".join("| " + " | ".join(str(cell) for cell in line) + " |\n" for line in lines)
-
-
-def sources():
-    known = [results.read(measurement.name) for measurement in measurements.ALL]
-    read.update(result["name"] for result in known)
-    return table(["result", "date", "commit", "device", "processor"], [
-        [f"[{r['name']}](results/{r['name']}.json)", r["date"], r["commit"], r["device"], r["machine"]] for r in known])
+"""Tables of searches, of the demo, and of stability."""
+from page import table, values
 
 
 def demo():
@@ -157,7 +136,6 @@ def stability():
 
 
 TABLES = {
-    "sources": sources,
     "demo": demo,
     "reef-starts": reef_starts,
     "reef-coders": reef_coders,

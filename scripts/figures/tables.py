@@ -11,6 +11,7 @@ import re
 import sys
 
 import documents
+import page
 import measurements
 import results
 from results import ROOT, Problem
@@ -39,7 +40,7 @@ def problems(shown, changed):
         found += [f"{path.name} is of another prior {name}: make figures ONLY={path.stem}" for name in stale]
         if path.stem not in {measurement.name for measurement in measurements.ALL}:
             found.append(f"{path.name}: nothing measures it: delete it")
-        if path.stem not in documents.read:
+        if path.stem not in page.read:
             found.append(f"{path.name}: no table shows it")
     return found + [f"no document has the table {name}" for name in documents.TABLES if name not in shown]
 
