@@ -852,7 +852,7 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // A Vulkan call failed; the text names it.
 #define NVSP_ERR_VULKAN -12
 
-// A file cannot be read.
+// A file cannot be read or written.
 #define NVSP_ERR_FILE -13
 
 // The content of a prior is not valid. The text names the splat or the byte.

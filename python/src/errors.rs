@@ -1,13 +1,7 @@
 //! Failures of the library as Python's exceptions.
 
-use nvsprior::Error;
-use nvsprior::geometry::CameraError;
-use nvsprior::image::PixelError;
-use nvsprior::keys::{KeyError, Refusal};
+use nvsprior::ErrorKind;
 use nvsprior::modem::ModemError;
-use nvsprior::packet::{PacketError, Part};
-use nvsprior::prior::{PriorError, UpdateError};
-use nvsprior::residual::ResidualError;
 use nvsprior_train::mapper::MapError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -115,180 +109,81 @@ impl From<Failure> for PyErr {
     }
 }
 
-impl<E: Kinded + ToString> From<E> for Failure {
-    fn from(error: E) -> Failure {
-        Failure::new(error.kind(), error)
-    }
-}
-
-/// An error of a library, and what kind it is.
-pub trait Kinded {
-    fn kind(&self) -> Kind;
-}
-
-impl Kinded for Error {
-    fn kind(&self) -> Kind {
-        match self {
-            Error::Vulkan(error) => error.kind(),
-            Error::Prior(error) => error.kind(),
-            Error::PriorChanged { .. } => Kind::OtherPrior,
-            Error::Update(error) => error.kind(),
-            Error::UpdateMissing { .. } => Kind::Update,
-            Error::Camera(error) => error.kind(),
-            Error::FrameTooLarge { .. } => Kind::Limit,
-            Error::Packet(error) => error.kind(),
-            Error::Residual(error) => error.kind(),
-            Error::Budget { .. } => Kind::Budget,
-            Error::NoStart { .. } => Kind::NoStart,
-            Error::CameraUnknown { .. } | Error::SessionUnknown { .. } => Kind::CameraUnknown,
-            Error::Thread(_) => Kind::OutOfMemory,
-            Error::Queue(_) => Kind::Internal,
-            Error::Lens(_)
-            | Error::Pixels(_)
-            | Error::FrameSize { .. }
-            | Error::MaskSize { .. }
-            | Error::MaskEmpty
-            | Error::StreamCoder
-            | Error::HintPose { .. }
-            | Error::HintFar { .. }
-            | Error::HintCovariance { .. }
-            | Error::HintAge { .. }
-            | Error::FrameTime { .. }
-            | Error::FrameTimeBack { .. } => Kind::Argument,
-        }
-    }
-}
-
-impl Kinded for nvsprior::vulkan::Error {
-    fn kind(&self) -> Kind {
-        use nvsprior::vulkan::Error as E;
-        match self {
-            E::DeviceLost { .. } | E::Hung { .. } => Kind::DeviceLost,
-            E::Unread(error) => error.downcast_ref().map_or(Kind::Prior, PriorError::kind),
-            error if error.is_out_of_memory() => Kind::OutOfMemory,
+impl From<ErrorKind> for Kind {
+    fn from(kind: ErrorKind) -> Kind {
+        match kind {
+            ErrorKind::Argument | ErrorKind::Image => Kind::Argument,
+            ErrorKind::DeviceLost => Kind::DeviceLost,
+            ErrorKind::Memory => Kind::OutOfMemory,
+            ErrorKind::File => Kind::File,
+            ErrorKind::Prior => Kind::Prior,
+            ErrorKind::Camera => Kind::Camera,
+            ErrorKind::NoStart => Kind::NoStart,
+            ErrorKind::Budget => Kind::Budget,
+            ErrorKind::Limit => Kind::Limit,
+            ErrorKind::Packet => Kind::Packet,
+            ErrorKind::OtherPrior => Kind::OtherPrior,
+            ErrorKind::CameraUnknown => Kind::CameraUnknown,
+            ErrorKind::Residual | ErrorKind::Reference | ErrorKind::Unsupported => Kind::Residual,
+            ErrorKind::Newer => Kind::Newer,
+            ErrorKind::Modem => Kind::Modem,
+            ErrorKind::Foreign => Kind::Foreign,
+            ErrorKind::Replayed => Kind::Replayed,
+            ErrorKind::Update => Kind::Update,
+            ErrorKind::State | ErrorKind::Unfinished => Kind::State,
+            ErrorKind::Poisoned | ErrorKind::Internal => Kind::Internal,
+            // No device, or a Vulkan call.
             _ => Kind::Device,
         }
     }
 }
 
-impl Kinded for PriorError {
-    fn kind(&self) -> Kind {
-        match self {
-            PriorError::InFile { error, .. } => error.kind(),
-            PriorError::Read(error) if error.kind() == std::io::ErrorKind::OutOfMemory => {
-                Kind::OutOfMemory
+/// For each error of a library: what kind it is, and its text.
+macro_rules! failures {
+    ($($error:ty),*) => {$(
+        impl From<$error> for Failure {
+            fn from(error: $error) -> Failure {
+                Failure::new(error.kind().into(), error)
             }
-            PriorError::Read(_) | PriorError::Write(_) => Kind::File,
-            PriorError::Option { .. } => Kind::Argument,
-            PriorError::Newer { .. } => Kind::Newer,
-            _ => Kind::Prior,
         }
-    }
+    )*};
 }
 
-impl Kinded for UpdateError {
-    fn kind(&self) -> Kind {
-        match self {
-            UpdateError::Newer { .. } => Kind::Newer,
-            UpdateError::Foreign { .. } => Kind::OtherPrior,
-            UpdateError::NoRoom => Kind::State,
-            _ => Kind::Update,
-        }
-    }
-}
+failures!(
+    nvsprior::Error,
+    nvsprior::geometry::CameraError,
+    nvsprior::image::PixelError,
+    nvsprior::keys::KeyError,
+    nvsprior::keys::Refusal,
+    nvsprior::packet::PacketError,
+    nvsprior::prior::PriorError,
+    nvsprior::prior::UpdateError,
+    nvsprior::residual::ResidualError,
+    nvsprior::vulkan::Error
+);
 
-impl Kinded for PacketError {
-    fn kind(&self) -> Kind {
-        match self {
-            PacketError::Prior { .. } => Kind::OtherPrior,
-            PacketError::Version(_) | PacketError::Coder(_) => Kind::Newer,
-            error if error.part() == Some(Part::Residual) => Kind::Residual,
-            _ => Kind::Packet,
-        }
-    }
-}
-
-impl Kinded for ModemError {
-    fn kind(&self) -> Kind {
+impl From<ModemError> for Failure {
+    fn from(error: ModemError) -> Failure {
         use ModemError as E;
-        match self {
-            E::Memory(_) => Kind::OutOfMemory,
-            E::Key(refusal) => refusal.kind(),
-            E::Packet(PacketError::Version(_)) => Kind::Newer,
-            E::Loss(..)
-            | E::RateControl { .. }
-            | E::Collector { .. }
-            | E::CollectorAge(_)
-            | E::ShareCount(_)
-            | E::UnprotectedCount(_)
-            | E::UnprotectedStream(_)
-            | E::UnpacedReports
-            | E::UserBytes(_)
-            | E::UpdateShare { .. }
-            | E::Reserve { .. }
-            | E::Mtu(_)
-            | E::ShareMtu(_)
-            | E::KeyedMtu { .. }
-            | E::Stream(_)
-            | E::Time(_) => Kind::Argument,
-            E::Budget { .. } => Kind::Budget,
-            E::NotPlanned | E::NoReports | E::Unpaced | E::NoUpdates => Kind::State,
-            E::Waiting { .. } | E::UpdatesFull { .. } => Kind::State,
-            E::Update(_) | E::UpdateOrder { .. } | E::UpdateTooLong { .. } => Kind::Update,
-            _ => Kind::Modem,
-        }
+        // The same kind says that a packet does not fit a modem. Here the caller's MTU or number does not.
+        let argument =
+            matches!(error, E::Mtu(_) | E::ShareMtu(_) | E::KeyedMtu { .. } | E::Stream(_));
+        Failure::new(if argument { Kind::Argument } else { error.kind().into() }, error)
     }
 }
 
-impl Kinded for Refusal {
-    fn kind(&self) -> Kind {
-        match self {
-            Refusal::Foreign => Kind::Foreign,
-            Refusal::Replayed => Kind::Replayed,
-        }
-    }
-}
-
-impl Kinded for MapError {
-    fn kind(&self) -> Kind {
-        match self {
-            MapError::Splats(error) => error.kind(),
+impl From<MapError> for Failure {
+    fn from(error: MapError) -> Failure {
+        let kind = match &error {
+            MapError::Splats(error) => error.kind().into(),
+            MapError::Device(error) => error.kind().into(),
             MapError::NoRoom(_) => Kind::OutOfMemory,
-            MapError::Device(error) => error.kind(),
             MapError::NoPictures
             | MapError::Size { .. }
             | MapError::Pose { .. }
             | MapError::Option { .. }
             | MapError::State { .. } => Kind::Argument,
-        }
-    }
-}
-
-impl Kinded for ResidualError {
-    fn kind(&self) -> Kind {
-        match self {
-            ResidualError::InterestSize { .. }
-            | ResidualError::InterestWeight { .. }
-            | ResidualError::InterestEmpty => Kind::Argument,
-            _ => Kind::Residual,
-        }
-    }
-}
-
-impl Kinded for CameraError {
-    fn kind(&self) -> Kind {
-        Kind::Camera
-    }
-}
-
-impl Kinded for PixelError {
-    fn kind(&self) -> Kind {
-        Kind::Argument
-    }
-}
-
-impl Kinded for KeyError {
-    fn kind(&self) -> Kind {
-        Kind::Argument
+        };
+        Failure::new(kind, error)
     }
 }

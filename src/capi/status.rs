@@ -5,11 +5,8 @@ use std::ffi::{CStr, c_char};
 use crate::image::PixelError;
 use crate::keys::{KeyError, Refusal};
 use crate::modem::ModemError;
-use crate::packet::PacketError;
-use crate::prior::{PriorError, UpdateError};
 use crate::queue::QueueError;
-use crate::residual::ResidualError;
-use crate::vulkan;
+use crate::{ErrorKind, vulkan};
 
 use super::modifier::Modifier;
 
@@ -46,7 +43,7 @@ pub const NVSP_ERR_DEVICE_LOST: nvsp_status = -10;
 pub const NVSP_ERR_MEMORY: nvsp_status = -11;
 /// A Vulkan call failed; the text names it.
 pub const NVSP_ERR_VULKAN: nvsp_status = -12;
-/// A file cannot be read.
+/// A file cannot be read or written.
 pub const NVSP_ERR_FILE: nvsp_status = -13;
 /// The content of a prior is not valid. The text names the splat or the byte.
 pub const NVSP_ERR_PRIOR: nvsp_status = -14;
@@ -117,7 +114,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_DEVICE_LOST => c"the device was lost",
         NVSP_ERR_MEMORY => c"out of memory",
         NVSP_ERR_VULKAN => c"a Vulkan call failed",
-        NVSP_ERR_FILE => c"a file cannot be read",
+        NVSP_ERR_FILE => c"a file cannot be read or written",
         NVSP_ERR_PRIOR => c"the prior is not valid",
         NVSP_ERR_CAMERA => c"no picture can be rendered with this camera",
         NVSP_ERR_IMAGE => c"the image does not fit",
@@ -195,9 +192,9 @@ impl Failure {
             Failure::Memory { .. } => NVSP_ERR_MEMORY,
             Failure::Modifier(_) => NVSP_ERR_UNSUPPORTED,
             Failure::Library(error) => of_library(error),
-            Failure::Modem(error) => of_modem(error),
-            Failure::Keys(_) => NVSP_ERR_ARGUMENT,
-            Failure::Refused(refusal) => of_refusal(*refusal),
+            Failure::Modem(error) => of_kind(error.kind()),
+            Failure::Keys(error) => of_kind(error.kind()),
+            Failure::Refused(refusal) => of_kind(refusal.kind()),
         }
     }
 }
@@ -226,116 +223,38 @@ fn limit_text(limit: u64) -> String {
 
 /// The status of a library's error.
 pub(super) fn of_library(error: &crate::Error) -> nvsp_status {
-    use crate::Error as E;
-    match error {
-        E::Vulkan(error) => of_vulkan(error),
-        E::Prior(error) => of_prior(error),
-        E::PriorChanged { .. } => NVSP_ERR_OTHER_PRIOR,
-        E::Update(error) => of_update(error),
-        E::UpdateMissing { .. } => NVSP_ERR_UPDATE,
-        E::Camera(_) => NVSP_ERR_CAMERA,
-        E::FrameTooLarge { .. } => NVSP_ERR_LIMIT,
-        E::Lens(_) | E::MaskSize { .. } | E::MaskEmpty | E::StreamCoder => NVSP_ERR_ARGUMENT,
-        E::Packet(PacketError::Prior { .. }) => NVSP_ERR_OTHER_PRIOR,
-        E::Packet(PacketError::Version(_) | PacketError::Coder(_)) => NVSP_ERR_NEWER,
-        E::Packet(error) if error.part() == Some(crate::packet::Part::Residual) => {
-            NVSP_ERR_RESIDUAL
-        }
-        E::Packet(_) => NVSP_ERR_PACKET,
-        E::Residual(ResidualError::ReferenceMissing { .. }) => NVSP_ERR_REFERENCE,
-        E::Residual(ResidualError::CoderMissing { .. }) => NVSP_ERR_UNSUPPORTED,
-        E::Residual(_) => NVSP_ERR_RESIDUAL,
-        E::Pixels(_) | E::FrameSize { .. } => NVSP_ERR_IMAGE,
-        E::Budget { .. } => NVSP_ERR_BUDGET,
-        E::NoStart { .. } => NVSP_ERR_NO_START,
-        E::HintPose { .. }
-        | E::HintFar { .. }
-        | E::HintCovariance { .. }
-        | E::HintAge { .. }
-        | E::FrameTime { .. }
-        | E::FrameTimeBack { .. } => NVSP_ERR_ARGUMENT,
-        E::CameraUnknown { .. } | E::SessionUnknown { .. } => NVSP_ERR_CAMERA_UNKNOWN,
-        E::Thread(_) => NVSP_ERR_MEMORY,
-        E::Queue(error) => of_queue(*error),
-    }
+    of_kind(error.kind())
 }
 
-fn of_update(error: &UpdateError) -> nvsp_status {
-    match error {
-        UpdateError::Newer { .. } => NVSP_ERR_NEWER,
-        UpdateError::Foreign { .. } => NVSP_ERR_OTHER_PRIOR,
-        UpdateError::NoRoom => NVSP_ERR_STATE,
-        _ => NVSP_ERR_UPDATE,
-    }
-}
-
-fn of_queue(error: QueueError) -> nvsp_status {
-    match error {
-        QueueError::Full | QueueError::Ending | QueueError::UnderWay => NVSP_ERR_UNFINISHED,
-        QueueError::Empty => NVSP_ERR_STATE,
-        QueueError::Panicked => NVSP_ERR_INTERNAL,
-        QueueError::Poisoned => NVSP_ERR_POISONED,
-    }
-}
-
-fn of_refusal(refusal: Refusal) -> nvsp_status {
-    match refusal {
-        Refusal::Foreign => NVSP_ERR_FOREIGN,
-        Refusal::Replayed => NVSP_ERR_REPLAYED,
-    }
-}
-
-fn of_modem(error: &ModemError) -> nvsp_status {
-    use ModemError as E;
-    match error {
-        E::Memory(_) => NVSP_ERR_MEMORY,
-        E::Key(refusal) => of_refusal(*refusal),
-        E::Packet(PacketError::Version(_)) => NVSP_ERR_NEWER,
-        E::Loss(..)
-        | E::RateControl { .. }
-        | E::Collector { .. }
-        | E::CollectorAge(_)
-        | E::ShareCount(_)
-        | E::UnprotectedCount(_)
-        | E::UnprotectedStream(_)
-        | E::UnpacedReports
-        | E::UserBytes(_)
-        | E::UpdateShare { .. }
-        | E::Reserve { .. }
-        | E::Time(_) => NVSP_ERR_ARGUMENT,
-        E::Budget { .. } => NVSP_ERR_BUDGET,
-        E::NotPlanned | E::NoReports | E::Unpaced | E::NoUpdates => NVSP_ERR_STATE,
-        E::Waiting { .. } | E::UpdatesFull { .. } => NVSP_ERR_UNFINISHED,
-        E::Update(_) | E::UpdateOrder { .. } | E::UpdateTooLong { .. } => NVSP_ERR_UPDATE,
-        _ => NVSP_ERR_MODEM,
-    }
-}
-
-fn of_vulkan(error: &vulkan::Error) -> nvsp_status {
-    use vulkan::Error as E;
-    match error {
-        E::NoLoader(_)
-        | E::NoDevice { .. }
-        | E::UnknownDevice { .. }
-        | E::GivenDevice { .. }
-        | E::NoValidationLayer => NVSP_ERR_NO_DEVICE,
-        E::DeviceLost { .. } | E::Hung { .. } => NVSP_ERR_DEVICE_LOST,
-        E::Unread(error) => error.downcast_ref().map_or(NVSP_ERR_PRIOR, of_prior),
-        error if error.is_out_of_memory() => NVSP_ERR_MEMORY,
-        _ => NVSP_ERR_VULKAN,
-    }
-}
-
-fn of_prior(error: &PriorError) -> nvsp_status {
-    match error {
-        PriorError::InFile { error, .. } => of_prior(error),
-        PriorError::Read(error) if error.kind() == std::io::ErrorKind::OutOfMemory => {
-            NVSP_ERR_MEMORY
-        }
-        PriorError::Read(_) => NVSP_ERR_FILE,
-        PriorError::Option { .. } => NVSP_ERR_ARGUMENT,
-        PriorError::Newer { .. } => NVSP_ERR_NEWER,
-        _ => NVSP_ERR_PRIOR,
+fn of_kind(kind: ErrorKind) -> nvsp_status {
+    match kind {
+        ErrorKind::Argument => NVSP_ERR_ARGUMENT,
+        ErrorKind::Image => NVSP_ERR_IMAGE,
+        ErrorKind::NoDevice => NVSP_ERR_NO_DEVICE,
+        ErrorKind::DeviceLost => NVSP_ERR_DEVICE_LOST,
+        ErrorKind::Memory => NVSP_ERR_MEMORY,
+        ErrorKind::Vulkan => NVSP_ERR_VULKAN,
+        ErrorKind::File => NVSP_ERR_FILE,
+        ErrorKind::Prior => NVSP_ERR_PRIOR,
+        ErrorKind::Camera => NVSP_ERR_CAMERA,
+        ErrorKind::NoStart => NVSP_ERR_NO_START,
+        ErrorKind::Budget => NVSP_ERR_BUDGET,
+        ErrorKind::Limit => NVSP_ERR_LIMIT,
+        ErrorKind::Packet => NVSP_ERR_PACKET,
+        ErrorKind::OtherPrior => NVSP_ERR_OTHER_PRIOR,
+        ErrorKind::CameraUnknown => NVSP_ERR_CAMERA_UNKNOWN,
+        ErrorKind::Residual => NVSP_ERR_RESIDUAL,
+        ErrorKind::Reference => NVSP_ERR_REFERENCE,
+        ErrorKind::Newer => NVSP_ERR_NEWER,
+        ErrorKind::Unsupported => NVSP_ERR_UNSUPPORTED,
+        ErrorKind::Modem => NVSP_ERR_MODEM,
+        ErrorKind::Foreign => NVSP_ERR_FOREIGN,
+        ErrorKind::Replayed => NVSP_ERR_REPLAYED,
+        ErrorKind::Update => NVSP_ERR_UPDATE,
+        ErrorKind::State => NVSP_ERR_STATE,
+        ErrorKind::Unfinished => NVSP_ERR_UNFINISHED,
+        ErrorKind::Poisoned => NVSP_ERR_POISONED,
+        ErrorKind::Internal => NVSP_ERR_INTERNAL,
     }
 }
 

@@ -1,0 +1,263 @@
+//! What kind of failure an error is: for callers that act on it, and for the bindings, which name it.
+
+use crate::geometry::{CameraError, LensError};
+use crate::image::PixelError;
+use crate::keys::{KeyError, Refusal};
+use crate::modem::ModemError;
+use crate::packet::{PacketError, Part};
+use crate::prior::{PriorError, UpdateError};
+use crate::queue::QueueError;
+use crate::residual::ResidualError;
+use crate::{Error, vulkan};
+
+/// Kinds of failures. The error's text says what failed, and what to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// An argument is out of its range.
+    Argument,
+    /// An image's size or shape does not fit.
+    Image,
+    /// No Vulkan loader, or no device that fits.
+    NoDevice,
+    /// The device was lost, or did not end its work in time.
+    DeviceLost,
+    /// Host or device memory could not be allocated.
+    Memory,
+    /// A Vulkan call failed.
+    Vulkan,
+    /// A file cannot be read or written.
+    File,
+    /// The content of a prior is not valid.
+    Prior,
+    /// No picture can be rendered with this camera.
+    Camera,
+    /// There is no pose to start from.
+    NoStart,
+    /// The budget does not even hold the pose.
+    Budget,
+    /// A picture has more pixels than are allowed.
+    Limit,
+    /// The bytes are no packet, or its latent part is damaged.
+    Packet,
+    /// It is about another prior.
+    OtherPrior,
+    /// The packet's camera was sent in a packet that is missing.
+    CameraUnknown,
+    /// The difference picture is damaged.
+    Residual,
+    /// The reference frame of a difference picture is missing.
+    Reference,
+    /// Of a newer format than this library knows.
+    Newer,
+    /// What was built without it, or a device, cannot do this.
+    Unsupported,
+    /// No modem frame of a packet, or the packet does not fit the modem.
+    Modem,
+    /// No key that is held has made the tag.
+    Foreign,
+    /// It has the right tag, and comes a second time.
+    Replayed,
+    /// An update of the prior is damaged, out of order or missing.
+    Update,
+    /// There is nothing to do that to now.
+    State,
+    /// What was begun is not finished.
+    Unfinished,
+    /// An earlier call failed inside the library.
+    Poisoned,
+    /// A fault of the library itself.
+    Internal,
+}
+
+impl Error {
+    /// What kind of failure it is.
+    ///
+    /// ```
+    /// use nvsprior::{ErrorKind, Prior, RenderOverrides};
+    ///
+    /// let error = Prior::open("no such file.ply".as_ref(), &RenderOverrides::default()).unwrap_err();
+    /// assert_eq!(error.kind(), ErrorKind::File);
+    /// ```
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Error::Vulkan(error) => error.kind(),
+            Error::Prior(error) => error.kind(),
+            Error::PriorChanged { .. } => ErrorKind::OtherPrior,
+            Error::Update(error) => error.kind(),
+            Error::UpdateMissing { .. } => ErrorKind::Update,
+            Error::Camera(error) => error.kind(),
+            Error::Lens(error) => error.kind(),
+            Error::FrameTooLarge { .. } => ErrorKind::Limit,
+            Error::Packet(error) => error.kind(),
+            Error::Residual(error) => error.kind(),
+            Error::Pixels(error) => error.kind(),
+            Error::FrameSize { .. } => ErrorKind::Image,
+            Error::Budget { .. } => ErrorKind::Budget,
+            Error::NoStart { .. } => ErrorKind::NoStart,
+            Error::CameraUnknown { .. } | Error::SessionUnknown { .. } => ErrorKind::CameraUnknown,
+            Error::Thread(_) => ErrorKind::Memory,
+            Error::Queue(error) => error.kind(),
+            Error::MaskSize { .. }
+            | Error::MaskEmpty
+            | Error::StreamCoder
+            | Error::HintPose { .. }
+            | Error::HintFar { .. }
+            | Error::HintCovariance { .. }
+            | Error::HintAge { .. }
+            | Error::FrameTime { .. }
+            | Error::FrameTimeBack { .. } => ErrorKind::Argument,
+        }
+    }
+}
+
+impl vulkan::Error {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        use vulkan::Error as E;
+        match self {
+            E::NoLoader(_)
+            | E::NoDevice { .. }
+            | E::UnknownDevice { .. }
+            | E::GivenDevice { .. }
+            | E::NoValidationLayer => ErrorKind::NoDevice,
+            E::DeviceLost { .. } | E::Hung { .. } => ErrorKind::DeviceLost,
+            E::Unread(error) => error.downcast_ref().map_or(ErrorKind::Prior, PriorError::kind),
+            error if error.is_out_of_memory() => ErrorKind::Memory,
+            _ => ErrorKind::Vulkan,
+        }
+    }
+}
+
+impl PriorError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            PriorError::InFile { error, .. } => error.kind(),
+            PriorError::Read(error) if error.kind() == std::io::ErrorKind::OutOfMemory => {
+                ErrorKind::Memory
+            }
+            PriorError::Read(_) | PriorError::Write(_) => ErrorKind::File,
+            PriorError::Option { .. } => ErrorKind::Argument,
+            PriorError::Newer { .. } => ErrorKind::Newer,
+            _ => ErrorKind::Prior,
+        }
+    }
+}
+
+impl UpdateError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            UpdateError::Newer { .. } => ErrorKind::Newer,
+            UpdateError::Foreign { .. } => ErrorKind::OtherPrior,
+            UpdateError::NoRoom => ErrorKind::State,
+            _ => ErrorKind::Update,
+        }
+    }
+}
+
+impl PacketError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            PacketError::Prior { .. } => ErrorKind::OtherPrior,
+            PacketError::Version(_) | PacketError::Coder(_) => ErrorKind::Newer,
+            error if error.part() == Some(Part::Residual) => ErrorKind::Residual,
+            _ => ErrorKind::Packet,
+        }
+    }
+}
+
+impl ResidualError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            ResidualError::ReferenceMissing { .. } => ErrorKind::Reference,
+            ResidualError::CoderMissing { .. } => ErrorKind::Unsupported,
+            ResidualError::InterestSize { .. }
+            | ResidualError::InterestWeight { .. }
+            | ResidualError::InterestEmpty => ErrorKind::Argument,
+            _ => ErrorKind::Residual,
+        }
+    }
+}
+
+impl ModemError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        use ModemError as E;
+        match self {
+            E::Memory(_) => ErrorKind::Memory,
+            E::Key(refusal) => refusal.kind(),
+            E::Packet(PacketError::Version(_)) => ErrorKind::Newer,
+            E::Loss(..)
+            | E::RateControl { .. }
+            | E::Collector { .. }
+            | E::CollectorAge(_)
+            | E::ShareCount(_)
+            | E::UnprotectedCount(_)
+            | E::UnprotectedStream(_)
+            | E::UnpacedReports
+            | E::UserBytes(_)
+            | E::UpdateShare { .. }
+            | E::Reserve { .. }
+            | E::Time(_) => ErrorKind::Argument,
+            E::Budget { .. } => ErrorKind::Budget,
+            E::NotPlanned | E::NoReports | E::Unpaced | E::NoUpdates => ErrorKind::State,
+            E::Waiting { .. } | E::UpdatesFull { .. } => ErrorKind::Unfinished,
+            E::Update(_) | E::UpdateOrder { .. } | E::UpdateTooLong { .. } => ErrorKind::Update,
+            _ => ErrorKind::Modem,
+        }
+    }
+}
+
+impl QueueError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            QueueError::Full | QueueError::Ending | QueueError::UnderWay => ErrorKind::Unfinished,
+            QueueError::Empty => ErrorKind::State,
+            QueueError::Panicked => ErrorKind::Internal,
+            QueueError::Poisoned => ErrorKind::Poisoned,
+        }
+    }
+}
+
+impl Refusal {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Refusal::Foreign => ErrorKind::Foreign,
+            Refusal::Replayed => ErrorKind::Replayed,
+        }
+    }
+}
+
+impl CameraError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Camera
+    }
+}
+
+impl LensError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Argument
+    }
+}
+
+impl PixelError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Image
+    }
+}
+
+impl KeyError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Argument
+    }
+}
