@@ -130,7 +130,7 @@ impl Coded {
         let damaged = ["-flags", "+output_corrupt+low_delay"];
         let format = if self.coder == Coder::X265 { "hevc" } else { "ivf" };
         let input = ["-flags2", "showall", "-f", format, "-i", &coded];
-        let each = ["-map", "0:v", "-vsync", "passthrough"];
+        let each = ["-map", "0:v", "-fps_mode", "passthrough"];
         let pictures = ["-vf", FROM_YUV, RGB[0], RGB[1], RGB[2], RGB[3], &shown];
         let stamps = ["-c:v", "rawvideo", "-f", "mkvtimestamp_v2", &times];
         ffmpeg::run(&[&from[..], &damaged, &input, &each, &pictures, &each, &stamps].concat())?;
