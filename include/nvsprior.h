@@ -770,7 +770,7 @@ typedef struct nvsp_decoded {
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
 // yields a picture or an error. Allocates nothing from the second valid packet of a camera on, unless a view of the
-// prior needs more room on the device than any before it. It holds at most 2 MiB and 128 bytes per pixel on the host,
+// prior needs more room on the device than any before it. It holds at most 2 MiB and 136 bytes per pixel on the host,
 // and from the first packet of a stream on 272 more per pixel. The pixels are those of the packet's picture, with
 // sides rounded up to multiples of 16.
 //

@@ -32,6 +32,12 @@ def sizes():
         for row in values("sizes")["rows"]])
 
 
+def coder_cpu():
+    return table(["size", "rate", "payload, bytes", "encode", "decode"], [
+        [row["size"], row["rate"], f"{row['payload, bytes']:.0f}", f"{row['encode, CPU ms']:.0f} ms",
+         f"{row['decode, CPU ms']:.0f} ms"] for row in values("sizes")["coder"]])
+
+
 def sites():
     return table(["splats of the site", "a frame", "host memory of the process", "device memory",
                   "splats on the device"], [
@@ -88,6 +94,7 @@ TABLES = {
     "mapping": mapping,
     "mapping-bytes": mapping_bytes,
     "sizes": sizes,
+    "coder-cpu": coder_cpu,
     "sites": sites,
     "flight": flight,
     "link-losses": link_losses,

@@ -187,7 +187,8 @@ def exact_of_streams(values):
 
 
 def sizes(out):
-    return {"rows": load(out / "sizes/sizes.json")}
+    coder = [numbers(row, ("size", "rate")) for row in csv_rows(out / "sizes/coder.csv")]
+    return {"rows": load(out / "sizes/sizes.json"), "coder": coder}
 
 
 def exact_of_sizes(values):

@@ -159,9 +159,9 @@ pub(super) fn encoder(width: u32, height: u32) -> u64 {
     8 * SMALL + 224 * pixels + 48 * searched
 }
 
-/// Decoding pictures of this size.
+/// Decoding pictures of this size; measured: 0.4 MB and 131 bytes per pixel.
 pub(super) fn decoder(width: u32, height: u32) -> u64 {
-    4 * SMALL + 128 * pixels(width, height)
+    4 * SMALL + 136 * pixels(width, height)
 }
 
 /// What an encoder of a stream takes besides: 32 frames of 6 bytes per pixel, 27 planes of 4, depths, four

@@ -145,9 +145,8 @@ mod tests {
         let here = viewpoint([0.6, 0.0, 0.8, 0.0], [3.0, -1.0, 2.0]);
         let (picture, mut warped, mut plain) = (picture(), planes(), planes());
         warp(&picture, &here, &here, &[4.0; 40 * 24], &mut warped);
-        let value = |i: usize| std::array::from_fn(|c| i32::from(picture.data[3 * i + c]) - NONE);
-        let [a, b, c] = &mut plain;
-        colour::to_planes(value, [a, b, c]);
+        let pixels = picture.data.as_chunks::<3>().0.iter();
+        colour::to_planes(pixels.map(|rgb| rgb.map(|level| i32::from(level) - NONE)), &mut plain);
         for (warped, plain) in warped.iter().flatten().zip(plain.iter().flatten()) {
             // Rotations are unit quaternions to f32's rounding.
             assert!((warped - plain).abs() <= 3, "{warped} {plain}");

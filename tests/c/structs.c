@@ -451,8 +451,8 @@ static void devices(void) {
 
 // What is taken is within the estimate, and the estimate is no wild guess.
 static void estimates(void) {
-    const uint32_t widths[] = {96, 320};
-    for (int i = 0; i < 2; i++) {
+    const uint32_t widths[] = {96, 320, 640, 1280};
+    for (int i = 0; i < (few() ? 2 : 4); i++) {
         const nvsp_camera size = scaled_camera(&dive, widths[i]);
         nvsp_memory_estimate found = NVSP_INITIALIZER(nvsp_memory_estimate);
         EXPECT(NVSP_OK, nvsp_prior_estimate(dive.prior, &size, &found));

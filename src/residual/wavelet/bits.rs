@@ -67,6 +67,8 @@ pub struct Writer<'a, 'b> {
 }
 
 impl Source for Writer<'_, '_> {
+    const LOOKS_AT_ALL: bool = true;
+
     fn next(&mut self, due: &Due) -> Option<i16> {
         let context = due.context;
         let value = self.chosen[context.plane][due.index()];
@@ -119,6 +121,8 @@ pub struct Reader<'a, 'b> {
 }
 
 impl Source for Reader<'_, '_> {
+    const LOOKS_AT_ALL: bool = true;
+
     fn next(&mut self, due: &Due) -> Option<i16> {
         let (predictor, context) = (self.predictor, due.context);
         let first = First::of(predictor, due);

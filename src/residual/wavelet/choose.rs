@@ -1,5 +1,7 @@
 //! Rate–distortion choice of coefficients: each one as the bits are worth it.
 
+use std::ops::Range;
+
 use super::bits::{First, LARGEST_MAGNITUDE, cost};
 use super::context::BandContext;
 use super::gains::{GainFit, Gains, LevelGains};
@@ -28,6 +30,8 @@ pub struct Chooser<'a> {
 }
 
 impl Source for Chooser<'_> {
+    const LOOKS_AT_ALL: bool = false;
+
     fn next(&mut self, due: &Due) -> Option<i16> {
         let context = due.context;
         let wanted = self.wanted[context.plane][due.index()];
@@ -64,6 +68,11 @@ impl Source for Chooser<'_> {
         self.bits += best.2;
         let value = best.1 as i16;
         Some(if wanted < 0.0 { -value } else { value })
+    }
+
+    fn are_zeros(&self, plane: usize, places: Range<usize>) -> bool {
+        let wanted = &self.wanted[plane][places];
+        !wanted.iter().fold(false, |any, wanted| any | (wanted.abs() >= MIN))
     }
 
     fn gains(&mut self, zeros: &[BandContext; 3], quantised: &Quantised) -> Option<Gains> {

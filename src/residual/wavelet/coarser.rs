@@ -1,5 +1,7 @@
 //! The decoded coarser picture and the render's, as the contexts of a level look at them.
 
+use std::ops::Range;
+
 use super::frame::Frame;
 use super::geometry::Geometry;
 use super::lifting::FRACTION;
@@ -70,20 +72,22 @@ impl Coarser {
         }
     }
 
-    /// The decoded picture of a plane around a place.
-    pub fn around(&self, plane: usize, x: usize, y: usize) -> Around {
+    /// The decoded picture of a plane around a part of a row: the rows above, at and below it, each with a value more
+    /// on either side.
+    pub fn rows(&self, plane: usize, xs: Range<usize>, y: usize) -> [&[i32]; 3] {
         let stride = self.width + 2;
-        let row = |y: usize| {
-            let row = &self.low[plane][y * stride + x..][..3];
-            [row[0], row[1], row[2]]
-        };
-        [row(y), row(y + 1), row(y + 2)]
+        [y, y + 1, y + 2].map(|y| &self.low[plane][y * stride..][xs.start..xs.end + 2])
     }
 
-    /// How much brighter the decoded picture is than the render, 8 binary places. Light that changes multiplies what
-    /// is there.
-    pub fn light(&self, x: usize, y: usize) -> i32 {
-        self.light[y * self.width + x]
+    /// The decoded picture of a plane around a place.
+    pub fn around(&self, plane: usize, x: usize, y: usize) -> Around {
+        self.rows(plane, x..x + 1, y).map(|row| [row[0], row[1], row[2]])
+    }
+
+    /// How much brighter the decoded picture is than the render along a part of a row, 8 binary places. Light that
+    /// changes multiplies what is there.
+    pub fn light(&self, xs: Range<usize>, y: usize) -> &[i32] {
+        &self.light[y * self.width..][xs]
     }
 }
 

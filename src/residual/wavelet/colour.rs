@@ -1,5 +1,6 @@
 //! Three planes of a picture's colours, as little alike as a rotation makes them.
 
+use super::geometry::Planes;
 use super::lifting::FRACTION;
 use crate::coder_tables::PLANES;
 
@@ -11,35 +12,47 @@ const PLACES: u32 = 14;
 const ROTATION: [[i32; PLANES]; PLANES] =
     [[9242, 10501, 8529], [12798, -3439, -9634], [4384, -12097, 10143]];
 
-/// The planes of pixels that `value` gives, each a number of red, green and blue.
-pub fn to_planes(value: impl Fn(usize) -> [i32; 3], planes: [&mut [i32]; PLANES]) {
-    for (row, plane) in ROTATION.iter().zip(planes) {
-        for (index, to) in plane.iter_mut().enumerate() {
-            let rgb = value(index);
-            let sum = row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2];
-            *to = (sum + (1 << (PLACES - FRACTION - 1))) >> (PLACES - FRACTION);
-        }
+/// Writes the planes of pixels, each a number of red, green and blue.
+pub fn to_planes(pixels: impl Iterator<Item = [i32; 3]>, planes: &mut Planes) {
+    let [a, b, c] = planes;
+    let planes = a.iter_mut().zip(b).zip(c);
+    for (rgb, ((a, b), c)) in pixels.zip(planes) {
+        [*a, *b, *c] = rotated(rgb, PLACES - FRACTION);
     }
+}
+
+/// Rotates a pixel, and takes off so many binary places.
+fn rotated(rgb: [i32; 3], places: u32) -> [i32; PLANES] {
+    ROTATION.map(|row| {
+        let sum = row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2];
+        (sum + (1 << (places - 1))) >> places
+    })
 }
 
 /// The planes of one pixel, of which red, green and blue have as many binary places.
 pub fn fine_to_planes(rgb: [i32; 3]) -> [i32; PLANES] {
-    ROTATION.map(|row| {
-        let sum = row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2];
-        (sum + (1 << (PLACES - 1))) >> PLACES
-    })
+    rotated(rgb, PLACES)
 }
 
-/// Red, green and blue of a pixel's three planes, rounded to whole levels.
-pub fn to_rgb(planes: [i32; PLANES]) -> [i32; 3] {
-    let places = PLACES + FRACTION;
-    // Damaged input may make any number of a plane; a picture's lie far within this.
-    let planes = planes.map(i64::from);
-    std::array::from_fn(|channel| {
-        let sum: i64 = (0..PLANES).map(|p| i64::from(ROTATION[p][channel]) * planes[p]).sum();
-        let level = (sum + (1 << (places - 1))) >> places;
+/// Red, green and blue of pixels' three planes, rounded to whole levels.
+pub fn to_rgb<const N: usize>(planes: &[[i32; N]; PLANES]) -> [[i32; N]; 3] {
+    const TAKEN: u32 = PLACES + FRACTION;
+    const HALF: i32 = 1 << (TAKEN - 1);
+    let is_small = |value: &i32| i32::from(*value as i16) == *value;
+    // A picture's planes are small, and products of small numbers are fast. Damaged input may make any number.
+    if planes.as_flattened().iter().fold(true, |all, value| all & is_small(value)) {
+        let level = |channel: usize, i: usize| {
+            let product = |p: usize| ROTATION[p][channel] * i32::from(planes[p][i] as i16);
+            (product(0) + product(1) + product(2) + HALF) >> TAKEN
+        };
+        return std::array::from_fn(|channel| std::array::from_fn(|i| level(channel, i)));
+    }
+    let level = |channel: usize, i: usize| {
+        let product = |p: usize| i64::from(ROTATION[p][channel]) * i64::from(planes[p][i]);
+        let level = (product(0) + product(1) + product(2) + i64::from(HALF)) >> TAKEN;
         level.clamp(-1024, 1024) as i32
-    })
+    };
+    std::array::from_fn(|channel| std::array::from_fn(|i| level(channel, i)))
 }
 
 #[cfg(test)]
@@ -61,10 +74,9 @@ mod tests {
     #[test]
     fn colours_come_back() {
         for rgb in [[0, 0, 0], [255, -255, 255], [1, 2, -3], [-128, 90, 17]] {
-            let mut planes = [[0]; PLANES];
-            let [a, b, c] = &mut planes;
-            to_planes(|_| rgb, [a, b, c]);
-            assert_eq!(to_rgb(planes.map(|p| p[0])), rgb);
+            let mut planes: Planes = std::array::from_fn(|_| vec![0]);
+            to_planes([rgb].into_iter(), &mut planes);
+            assert_eq!(to_rgb(&planes.map(|plane| [plane[0]])).map(|[level]| level), rgb);
         }
     }
 }

@@ -3,8 +3,10 @@
 //! All of it are integers. Counts are quantised magnitudes; sizes are in quantiser steps, as coefficients of unit
 //! norm. Both are given as logarithms; signed numbers are clamped.
 
+use std::ops::Range;
+
 use super::coarser::{Around, Coarser, in_steps};
-use super::fixed::{ONE, log_count, log_size};
+use super::fixed::{ONE, bounded, log_count, size_input};
 use super::frame::Frame;
 
 use super::geometry::Band;
@@ -12,8 +14,8 @@ use super::inter::Inter;
 use super::predictor::{BandBias, MagnitudeInputs, Predictor, QuietInputs, SignInputs};
 use super::quantised::{Places, Quantised};
 use super::render_value::RenderValue;
+use crate::coder_tables::networks::FEATURE_PLACES;
 use crate::coder_tables::networks::{COUNT_INPUTS, classes};
-use crate::coder_tables::networks::{FEATURE_PLACES, LARGEST};
 
 /// All that is the same for a band of a plane.
 pub struct BandContext<'a> {
@@ -36,14 +38,6 @@ pub struct BandContext<'a> {
     known: Option<bool>,
 }
 
-/// What the render tells of a coefficient and those around it, features in steps.
-struct Sight {
-    render: RenderValue,
-    /// Mean magnitude around; the same, times the change of light.
-    energy: i32,
-    energy_guess: i32,
-}
-
 /// What is predicted of a coefficient from an earlier frame, and the mean size around it; features in steps.
 struct InterValue {
     predicted: i32,
@@ -57,10 +51,6 @@ fn clamped(value: i32, limit: i32) -> i16 {
 /// A signed count as a feature.
 fn signed(count: i16) -> i16 {
     clamped(i32::from(count) << FEATURE_PLACES, 2)
-}
-
-fn bounded(value: i32) -> i16 {
-    value.clamp(-LARGEST, LARGEST) as i16
 }
 
 impl<'a> BandContext<'a> {
@@ -116,21 +106,20 @@ impl<'a> BandContext<'a> {
         self.known.unwrap_or_else(|| self.frame.is_detailed(&self.band, x, y))
     }
 
-    /// Inputs of the network for magnitudes.
-    pub fn magnitude_inputs(&self, quantised: &Quantised, x: usize, y: usize) -> MagnitudeInputs {
+    /// Inputs of the network for magnitudes. `seen`: what [`BandContext::see`] made for the place.
+    pub fn magnitude_inputs(
+        &self,
+        quantised: &Quantised,
+        x: usize,
+        y: usize,
+        seen: &QuietInputs,
+    ) -> MagnitudeInputs {
         let mut inputs: MagnitudeInputs = [[0; 2]; _];
-        let all = inputs.as_flattened_mut();
+        let (counts, pictures) = inputs.split_at_mut(COUNT_INPUTS / 2);
         if !quantised.is_quiet(self.own, x, y) {
-            self.counts(quantised, x, y, all);
+            self.counts(quantised, x, y, counts.as_flattened_mut());
         }
-        self.pictures(x, y, &mut all[COUNT_INPUTS..]);
-        inputs
-    }
-
-    /// Those of the network for quiet contexts.
-    pub fn quiet_inputs(&self, x: usize, y: usize) -> QuietInputs {
-        let mut inputs: QuietInputs = [[0; 2]; _];
-        self.pictures(x, y, inputs.as_flattened_mut());
+        pictures.copy_from_slice(seen);
         inputs
     }
 
@@ -175,29 +164,24 @@ impl<'a> BandContext<'a> {
         if !self.frame.sees_render {
             return;
         }
-        for y in 0..self.band.height {
-            let row = quantised.row(self.plane, &self.band, y);
-            for (x, value) in row.iter().enumerate() {
+        let Band { width, height, .. } = self.band;
+        for y in 0..height {
+            let row = quantised.row(self.plane, &self.band, y).iter();
+            let places = self.index(0, y)..self.index(width, y);
+            let own = &self.frame.render.planes[self.plane][places.clone()];
+            let seen = own.iter().zip(self.coarser.light(0..width, y));
+            for ((x, place), (value, (own, light))) in places.enumerate().zip(row.zip(seen)) {
                 if *value == 0 && self.is_known(x, y) {
-                    let index = self.index(x, y);
-                    visit(index, self.render_value(index, self.coarser.light(x, y)));
+                    visit(place, self.in_light(*own, *light));
                 }
             }
         }
     }
 
-    /// What the render tells of a coefficient.
-    fn render_value(&self, index: usize, light: i32) -> RenderValue {
-        let own = in_steps(self.frame.render.planes[self.plane][index], self.scale);
+    /// What a number of the render tells, if the light changes by so much.
+    fn in_light(&self, lifted: i32, light: i32) -> RenderValue {
+        let own = in_steps(lifted, self.scale);
         RenderValue { own, guess: ((i64::from(own) * i64::from(light)) >> 8) as i32 }
-    }
-
-    /// What it tells of it and those around it.
-    fn sight(&self, x: usize, y: usize) -> Sight {
-        let (index, light) = (self.index(x, y), self.coarser.light(x, y));
-        let energy = in_steps(self.frame.render.energy[self.plane][index], self.scale);
-        let energy_guess = ((i64::from(energy) * i64::from(light)) >> 8) as i32;
-        Sight { render: self.render_value(index, light), energy, energy_guess }
     }
 
     /// What is predicted of a coefficient from an earlier frame.
@@ -207,42 +191,75 @@ impl<'a> BandContext<'a> {
         InterValue { predicted, around }
     }
 
-    /// The render and the decoded coarser picture: inputs 18 to 32. If the frame is predicted from an earlier one, the
-    /// first two are what is predicted from that, in place of where the coefficient lies.
-    fn pictures(&self, x: usize, y: usize, inputs: &mut [i16]) {
-        let Frame { geometry, render, .. } = self.frame;
+    /// The render and the decoded coarser picture along a part of a row: inputs 18 to 32 for magnitudes, and all for
+    /// quiet contexts. If the frame is predicted from an earlier one, the first two are what is predicted from that, in
+    /// place of where the coefficient lies.
+    pub fn see(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
         let Band { level, width, height, .. } = self.band;
-        if let Some(inter) = self.frame.inter_seen() {
-            let InterValue { predicted, around } = self.inter_value(inter, x, y);
-            inputs[0] = bounded(log_size(predicted));
-            inputs[1] = bounded(log_size(around));
-        } else {
-            inputs[0] = along(y, height);
-            inputs[1] = along(x, width);
+        let inter = self.frame.inter_seen();
+        for (x, seen) in xs.clone().zip(&mut *seen) {
+            let [first, second] = match inter {
+                None => [along(y, height), along(x, width)],
+                Some(inter) => {
+                    let InterValue { predicted, around } = self.inter_value(inter, x, y);
+                    [predicted, around].map(size_input)
+                }
+            };
+            *seen = [[0; 2]; _];
+            [seen[0], seen[1]] = [[first, second], [self.log_step, 0]];
         }
-        inputs[2] = self.log_step;
-        if level == 0 {
-            return;
-        }
-        let known = self.is_known(x, y);
+        let known = level > 0 && self.known != Some(false);
         if known {
-            inputs[3] = ONE as i16;
-            inputs[4] = bounded(render.low[0][level][y * geometry.sizes[level].0 + x] >> 7);
+            self.see_brightness(xs.clone(), y, seen);
         }
-        if self.band.rank() == 0 {
-            return;
+        if self.band.rank() > 0 {
+            if known {
+                self.see_render(xs.clone(), y, seen);
+            }
+            self.see_shapes(xs, y, seen);
         }
-        if known {
-            let Sight { render: RenderValue { own, guess }, energy, energy_guess } =
-                self.sight(x, y);
-            inputs[5] = bounded(log_size(guess));
-            inputs[6] = bounded(log_size(energy_guess));
-            inputs[7] = bounded(log_size(own / 10));
-            inputs[8] = bounded(log_size(energy / 10));
+    }
+
+    /// Whether the render is known, and how bright it is: inputs 21 and 22.
+    fn see_brightness(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
+        let (level, sizes) = (self.band.level, &self.frame.geometry.sizes);
+        let low = &self.frame.render.low[0][level][y * sizes[level].0..][xs.clone()];
+        for ((x, [_, second, third, ..]), low) in xs.zip(seen).zip(low) {
+            if self.is_known(x, y) {
+                (second[1], third[0]) = (ONE as i16, bounded(low >> 7));
+            }
         }
-        let shapes = shapes(&self.coarser.around(self.plane, x, y), level);
-        for (to, shape) in inputs[9..].iter_mut().zip(shapes) {
-            *to = bounded(log_size(shape));
+    }
+
+    /// The render's coefficients, where it is known: inputs 23 to 26.
+    fn see_render(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
+        let render = &self.frame.render;
+        let places = self.index(xs.start, y)..self.index(xs.end, y);
+        let own = render.planes[self.plane][places.clone()].iter();
+        let energy = &render.energy[self.plane][places];
+        let values = own.zip(energy).zip(self.coarser.light(xs, y));
+        for (seen, ((own, energy), light)) in seen.iter_mut().zip(values) {
+            let inputs = seen.as_flattened_mut();
+            if inputs[3] != 0 {
+                let [own, energy] = [own, energy].map(|value| self.in_light(*value, *light));
+                inputs[5] = size_input(own.guess);
+                inputs[6] = size_input(energy.guess);
+                inputs[7] = size_input(own.own / 10);
+                inputs[8] = size_input(energy.own / 10);
+            }
+        }
+    }
+
+    /// The decoded coarser picture: inputs 27 to 32.
+    fn see_shapes(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
+        let rows = self.coarser.rows(self.plane, xs, y);
+        let [above, row, below] = rows.map(|row| row.windows(3));
+        for (((seen, a), b), c) in seen.iter_mut().zip(above).zip(row).zip(below) {
+            let around = [[a[0], a[1], a[2]], [b[0], b[1], b[2]], [c[0], c[1], c[2]]];
+            let shapes = shapes(&around, self.band.level);
+            for (to, shape) in seen.as_flattened_mut()[9..].iter_mut().zip(shapes) {
+                *to = size_input(shape);
+            }
         }
     }
 
@@ -270,7 +287,9 @@ impl<'a> BandContext<'a> {
             return inputs;
         }
         if self.is_known(x, y) {
-            let RenderValue { own, guess } = self.sight(x, y).render;
+            let own = self.frame.render.planes[self.plane][self.index(x, y)];
+            let light = self.coarser.light(x..x + 1, y)[0];
+            let RenderValue { own, guess } = self.in_light(own, light);
             all[9] = clamped(guess, 2);
             all[10] = clamped(own / 10, 2);
         }

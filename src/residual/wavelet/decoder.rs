@@ -169,6 +169,7 @@ impl WaveletDecoder {
             }
         }
         frame.set_render(render);
+        pass.forget_render();
         let predictor = predictors.of(frame);
         let mut reader = Reader { decoder, predictor };
         pass.run(frame, predictor, header.finest, &mut reader);

@@ -1,5 +1,6 @@
 //! The vehicle's side: a difference picture as bytes.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::Picture;
@@ -24,7 +25,7 @@ use super::model::Model;
 use super::pass::{Due, Pass, Source};
 use super::predictor::{Predictor, Predictors};
 use super::prices::Prices;
-use super::quantised::Quantised;
+use super::quantised::{Quantised, is_any};
 use super::small_blocks_choice::{BlockChooser, take_back};
 use super::step::Step;
 use crate::coder_tables::PLANES;
@@ -52,6 +53,8 @@ pub struct WaveletEncoder {
     displacements: Option<Box<DisplacementChooser>>,
     /// Blocks that are not predicted may be small.
     small_blocks: bool,
+    /// That of the difference, if it was asked for.
+    model: Option<Model>,
 }
 
 impl WaveletEncoder {
@@ -74,6 +77,7 @@ impl WaveletEncoder {
             chooser: BlockChooser::new(&frame.small_blocks.grids),
             displacements: None,
             small_blocks: false,
+            model: None,
             predictors: Predictors::new(tables, &Tables::stream()),
             frame,
         }
@@ -144,7 +148,12 @@ impl WaveletEncoder {
     pub fn choose_blocks(&mut self, step: Step) {
         if self.small_blocks {
             self.frame.step = step;
+            self.pass.forget_render();
+            let had_blocks = !self.frame.is_all_predicted();
             self.chooser.choose(&mut self.frame, &mut self.difference);
+            if had_blocks || !self.frame.is_all_predicted() {
+                self.model = None;
+            }
         }
     }
 
@@ -167,6 +176,8 @@ impl WaveletEncoder {
         sees_render: bool,
         inter: bool,
     ) -> Pays {
+        self.model = None;
+        self.pass.forget_render();
         let WaveletEncoder { frame: coded, difference, prices, .. } = self;
         coded.sees_render = sees_render;
         coded.set_render(render);
@@ -194,6 +205,8 @@ impl WaveletEncoder {
     /// Predicts all blocks of the frame from the render, even if it is of no use there. Returns whether a block
     /// changes.
     pub(super) fn predict_all(&mut self) -> bool {
+        self.model = None;
+        self.pass.forget_render();
         if self.frame.small_blocks.in_use {
             return take_back(&mut self.frame, &mut self.difference);
         }
@@ -203,20 +216,22 @@ impl WaveletEncoder {
     }
 
     /// A rough model of the frame, coded.
-    pub(super) fn model(&self) -> Model {
+    pub(super) fn model(&mut self) -> Model {
+        if let Some(model) = &self.model {
+            return model.clone();
+        }
         let geometry = &self.frame.geometry;
         let mut model = Model::new();
         for band in geometry.bands() {
             let scale = (geometry.norm(&band) / f64::from(1 << FRACTION)) as f32;
             for row in band.rows(geometry) {
                 for difference in &self.difference {
-                    difference[row.clone()]
-                        .iter()
-                        .for_each(|value| model.take((*value as f32 * scale).abs()));
+                    let row = difference[row.clone()].iter();
+                    model.take(row.map(|value| (*value as f32 * scale).abs()));
                 }
             }
         }
-        model
+        self.model.insert(model).clone()
     }
 
     /// Chooses coefficients. `lambda`: what a bit is worth, squared steps. The bits of those that had to be weighed.
@@ -226,7 +241,9 @@ impl WaveletEncoder {
         let WaveletEncoder { frame, predictors, wanted, chosen, gains, prices, pass, .. } = self;
         let predictor = predictors.of(frame);
         *gains = LevelGains::default();
-        let finest = finest(&frame.geometry, |plane, i| wanted[plane][i].abs() > WORTH_A_LOOK);
+        let finest = finest(&frame.geometry, |plane, row| {
+            wanted[plane][row].iter().fold(false, |any, size| any | (size.abs() > WORTH_A_LOOK))
+        });
         let mut chooser = Chooser { wanted, lambda, prices, predictor, gains, bits: 0.0 };
         pass.run(frame, predictor, finest, &mut chooser);
         let bits = chooser.bits;
@@ -258,7 +275,7 @@ impl WaveletEncoder {
         bytes.clear();
         let WaveletEncoder { frame, predictors, chosen, gains, pass, .. } = self;
         let predictor = predictors.of(frame);
-        let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
+        let finest = finest_of(&frame.geometry, chosen);
         let Frame { sees_render, step, low_predicted, .. } = *frame;
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let max = bytes.capacity();
@@ -280,7 +297,7 @@ impl WaveletEncoder {
     pub(super) fn show(&mut self, visit: impl FnMut(&Due, i16, f32)) {
         let WaveletEncoder { frame, predictors, wanted, chosen, gains, pass, .. } = self;
         let predictor = predictors.of(frame);
-        let finest = finest(&frame.geometry, |plane, i| chosen[plane][i] != 0);
+        let finest = finest_of(&frame.geometry, chosen);
         pass.run(frame, predictor, finest, &mut Show { wanted, chosen, gains, visit });
     }
 
@@ -305,23 +322,27 @@ impl WaveletEncoder {
 
 /// Writes the planes of the difference of a frame and its render.
 fn set_difference(frame: &Picture, render: &Picture, difference: &mut Planes) {
-    let pixel = |i: usize| {
-        let level = |picture: &Picture, c: usize| i32::from(picture.data[3 * i + c]);
-        std::array::from_fn(|c| level(frame, c) - level(render, c))
-    };
-    let [a, b, c] = difference;
-    colour::to_planes(pixel, [a, b, c]);
+    let [frame, render] = [frame, render].map(|picture| picture.data.as_chunks::<3>().0);
+    let pixels = frame.iter().zip(render);
+    let differences = pixels
+        .map(|(frame, render)| std::array::from_fn(|c| i32::from(frame[c]) - i32::from(render[c])));
+    colour::to_planes(differences, difference);
 }
 
-/// The finest level of each plane with a coefficient that counts.
-fn finest(geometry: &Geometry, counts: impl Fn(usize, usize) -> bool) -> Finest {
+/// The finest level of each plane with a row that counts.
+fn finest(geometry: &Geometry, counts: impl Fn(usize, Range<usize>) -> bool) -> Finest {
     std::array::from_fn(|plane| {
         let holds = |level: usize| {
             let mut bands = geometry.bands().filter(|band| band.level == level);
-            bands.any(|band| band.rows(geometry).any(|mut row| row.any(|i| counts(plane, i))))
+            bands.any(|band| band.rows(geometry).any(|row| counts(plane, row)))
         };
         (0..=geometry.levels).find(|level| holds(*level)).unwrap_or(geometry.levels + 1)
     })
+}
+
+/// The finest level of each plane that has a coefficient.
+fn finest_of(geometry: &Geometry, chosen: &[Vec<i16>; PLANES]) -> Finest {
+    finest(geometry, |plane, row| is_any(&chosen[plane][row]))
 }
 
 struct Show<'a, V> {
@@ -332,6 +353,8 @@ struct Show<'a, V> {
 }
 
 impl<V: FnMut(&Due, i16, f32)> Source for Show<'_, V> {
+    const LOOKS_AT_ALL: bool = true;
+
     fn next(&mut self, due: &Due) -> Option<i16> {
         let (plane, index) = (due.context.plane, due.index());
         let value = self.chosen[plane][index];

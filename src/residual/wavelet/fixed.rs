@@ -1,6 +1,6 @@
 //! Logarithms in integers.
 
-use crate::coder_tables::networks::FEATURE_PLACES;
+use crate::coder_tables::networks::{FEATURE_PLACES, LARGEST};
 
 /// A feature of 1.
 pub const ONE: i32 = 1 << FEATURE_PLACES;
@@ -37,6 +37,17 @@ pub fn log_size(value: i32) -> i32 {
     }
 }
 
+/// [`log_size`] as an input of the networks.
+pub fn size_input(value: i32) -> i16 {
+    // None of the small ones is beyond the largest input.
+    SIZES.get(value.unsigned_abs() as usize).copied().unwrap_or_else(|| bounded(log_size(value)))
+}
+
+/// A number as an input of the networks.
+pub fn bounded(value: i32) -> i16 {
+    value.clamp(-LARGEST, LARGEST) as i16
+}
+
 /// [`log_size`] of the numbers from zero.
 static SIZES: [i16; 1024] = {
     let mut sizes = [0; 1024];
@@ -51,7 +62,6 @@ static SIZES: [i16; 1024] = {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::coder_tables::networks::LARGEST;
 
     #[test]
     fn fractions_are_those_of_the_logarithm() {
@@ -69,5 +79,8 @@ mod tests {
         }
         assert_eq!((log_count(0), log_count(-1), log_size(0)), (0, 64, 0));
         assert!(log_size(i32::MIN) < LARGEST * 2 && log_count(i32::MIN) > 0);
+        for value in [0, 7, 1023, -1023, 1024, 1 << 20, i32::MIN] {
+            assert_eq!(size_input(value), bounded(log_size(value)), "{value}");
+        }
     }
 }

@@ -48,7 +48,7 @@ impl Frame {
             step: Step::new(0),
             inter: None,
             is_inter: false,
-            scratch: Scratch::new(geometry.len()),
+            scratch: Scratch::new(geometry.width, geometry.height),
             geometry,
         }
     }
@@ -113,6 +113,10 @@ impl Frame {
 
     /// Sets the weights by what the blocks say.
     pub fn weigh(&mut self) {
+        if self.is_all_predicted() {
+            self.weights.fill(FULL);
+            return;
+        }
         let Frame { geometry, weights, .. } = self;
         if self.small_blocks.in_use {
             self.small_blocks.weigh(geometry, weights);

@@ -4,6 +4,8 @@
 //! high band is as the lifting steps leave it. Sums wrap around, so that damaged input gives a picture, whatever
 //! it shows; pictures of 8 bits in [`FRACTION`] binary places stay far from that.
 
+use std::ops::Range;
+
 /// Binary places of a plane's values.
 pub const FRACTION: u32 = 6;
 
@@ -19,20 +21,23 @@ fn scaled(value: i32, factor: i32) -> i32 {
     value.wrapping_mul(factor).wrapping_add(1 << (PLACES - 1)) >> PLACES
 }
 
-/// Index of a line's neighbours, mirrored at its ends.
-fn neighbours(index: usize, len: usize) -> (usize, usize) {
-    let before = if index == 0 { 1 } else { index - 1 };
-    let after = if index + 1 < len { index + 1 } else { index - 1 };
-    (before, after)
-}
+/// Columns that are lifted side by side: as many as processors load at a time, and few enough that all their rows stay
+/// near the processor.
+const STRIP: usize = 32;
 
-/// Room for one level's rows and columns.
+/// Room for a row, or for the columns of a strip.
 pub struct Scratch(Vec<i32>);
 
 impl Scratch {
-    /// For planes of `len` values.
-    pub fn new(len: usize) -> Scratch {
-        Scratch(vec![0; len.max(1)])
+    /// For planes of a size.
+    pub fn new(width: usize, height: usize) -> Scratch {
+        Scratch(vec![0; width.max(STRIP * height)])
+    }
+
+    /// Room for the even and the odd samples of a line, each of them of `N` lines.
+    fn line<const N: usize>(&mut self, len: usize) -> (&mut [[i32; N]], &mut [[i32; N]]) {
+        let (line, _) = self.0.as_chunks_mut();
+        line[..len].split_at_mut(len.div_ceil(2))
     }
 }
 
@@ -45,35 +50,31 @@ pub fn forward(
     scratch: &mut Scratch,
 ) {
     if width > 1 {
-        let (even, odd) = scratch.0[..width].split_at_mut(width.div_ceil(2));
+        let (even, odd) = scratch.line::<1>(width);
         for row in plane.chunks_mut(stride).take(height) {
-            let row = &mut row[..width];
-            for (i, pair) in row.chunks(2).enumerate() {
-                even[i] = pair[0];
-                pair.get(1).inspect(|value| odd[i] = **value);
+            let (pairs, last) = row[..width].as_chunks::<2>();
+            for ((pair, even), odd) in pairs.iter().zip(&mut *even).zip(&mut *odd) {
+                (*even, *odd) = ([pair[0]], [pair[1]]);
             }
-            for (parity, factor) in STEPS {
-                lift_line(even, odd, parity, factor);
-            }
-            let (low, high) = row.split_at_mut(even.len());
-            for (to, value) in low.iter_mut().zip(&*even) {
-                *to = scaled(*value, INVERSE_GAIN);
-            }
-            high.copy_from_slice(odd);
+            even[pairs.len()..].as_flattened_mut().copy_from_slice(last);
+            analyse(even, odd);
+            let (low, high) = row[..width].split_at_mut(even.len());
+            low.copy_from_slice(even.as_flattened());
+            high.copy_from_slice(odd.as_flattened());
         }
     }
     if height > 1 {
-        for (parity, factor) in STEPS {
-            lift_rows(plane, stride, (width, height), parity, factor);
-        }
-        let low = height.div_ceil(2);
-        let room = &mut scratch.0[..width * height];
-        gather(plane, stride, width, room);
-        for (i, from) in room.chunks(width).enumerate() {
-            let to = if i % 2 == 0 { i / 2 } else { low + i / 2 };
-            let row = &mut plane[to * stride..to * stride + width];
-            for (to, from) in row.iter_mut().zip(from) {
-                *to = if i % 2 == 0 { scaled(*from, INVERSE_GAIN) } else { *from };
+        let (even, odd) = scratch.line::<STRIP>(height);
+        for columns in strips(width) {
+            let rows = plane.chunks(stride).take(height);
+            for (y, row) in rows.map(|row| &row[columns.clone()]).enumerate() {
+                let line = if y % 2 == 0 { &mut even[y / 2] } else { &mut odd[y / 2] };
+                copy(&mut line[..row.len()], row);
+            }
+            analyse(even, odd);
+            let rows = plane.chunks_mut(stride).map(|row| &mut row[columns.clone()]);
+            for (row, line) in rows.zip(even.iter().chain(&*odd)) {
+                copy(row, &line[..row.len()]);
             }
         }
     }
@@ -87,88 +88,86 @@ pub fn inverse(
     scratch: &mut Scratch,
 ) {
     if height > 1 {
-        let low = height.div_ceil(2);
-        let room = &mut scratch.0[..width * height];
-        gather(plane, stride, width, room);
-        for (from, values) in room.chunks(width).enumerate() {
-            let to = if from < low { 2 * from } else { 2 * (from - low) + 1 };
-            let row = &mut plane[to * stride..to * stride + width];
-            for (to, value) in row.iter_mut().zip(values) {
-                *to = if from < low { scaled(*value, GAIN) } else { *value };
+        let (even, odd) = scratch.line::<STRIP>(height);
+        for columns in strips(width) {
+            let rows = plane.chunks(stride).map(|row| &row[columns.clone()]);
+            for (row, line) in rows.zip(even.iter_mut().chain(&mut *odd)) {
+                copy(&mut line[..row.len()], row);
             }
-        }
-        for (parity, factor) in STEPS.into_iter().rev() {
-            lift_rows(plane, stride, (width, height), parity, -factor);
+            synthesise(even, odd);
+            let rows = plane.chunks_mut(stride).take(height);
+            for (y, row) in rows.map(|row| &mut row[columns.clone()]).enumerate() {
+                let line = if y % 2 == 0 { &even[y / 2] } else { &odd[y / 2] };
+                copy(row, &line[..row.len()]);
+            }
         }
     }
     if width > 1 {
-        let (even, odd) = scratch.0[..width].split_at_mut(width.div_ceil(2));
+        let (even, odd) = scratch.line::<1>(width);
         for row in plane.chunks_mut(stride).take(height) {
-            let row = &mut row[..width];
-            let (low, high) = row.split_at(even.len());
-            for (to, value) in even.iter_mut().zip(low) {
-                *to = scaled(*value, GAIN);
-            }
-            odd.copy_from_slice(high);
-            for (parity, factor) in STEPS.into_iter().rev() {
-                lift_line(even, odd, parity, -factor);
-            }
-            for (i, pair) in row.chunks_mut(2).enumerate() {
-                pair[0] = even[i];
-                pair.get_mut(1).into_iter().for_each(|value| *value = odd[i]);
+            let (low, high) = row[..width].split_at(even.len());
+            even.as_flattened_mut().copy_from_slice(low);
+            odd.as_flattened_mut().copy_from_slice(high);
+            synthesise(even, odd);
+            let (pairs, last) = row[..width].as_chunks_mut::<2>();
+            last.copy_from_slice(even[pairs.len()..].as_flattened());
+            for ((pair, [even]), [odd]) in pairs.iter_mut().zip(&*even).zip(&*odd) {
+                *pair = [*even, *odd];
             }
         }
     }
 }
 
-/// Copies the upper left corner of a plane, row by row.
-fn gather(plane: &[i32], stride: usize, width: usize, into: &mut [i32]) {
-    for (into, row) in into.chunks_mut(width).zip(plane.chunks(stride)) {
-        into.copy_from_slice(&row[..width]);
+/// The columns of a picture, strip by strip.
+fn strips(width: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..width).step_by(STRIP).map(move |first| first..(first + STRIP).min(width))
+}
+
+/// Copies a row of a strip. Most strips have all their columns, which are copied faster.
+fn copy(to: &mut [i32], from: &[i32]) {
+    match (to.as_chunks_mut::<STRIP>().0, from.as_chunks::<STRIP>().0) {
+        ([to], [from]) => *to = *from,
+        _ => to.copy_from_slice(from),
     }
 }
 
-/// One lifting step along a row of two or more, given as its even and its odd samples.
-fn lift_line(even: &mut [i32], odd: &mut [i32], parity: usize, factor: i32) {
+/// Divides a line of two or more, given as its even and its odd samples, into its low and its high half.
+fn analyse<const N: usize>(even: &mut [[i32; N]], odd: &mut [[i32; N]]) {
+    for (parity, factor) in STEPS {
+        lift(even, odd, parity, factor);
+    }
+    even.as_flattened_mut().iter_mut().for_each(|value| *value = scaled(*value, INVERSE_GAIN));
+}
+
+/// Undoes [`analyse`].
+fn synthesise<const N: usize>(even: &mut [[i32; N]], odd: &mut [[i32; N]]) {
+    even.as_flattened_mut().iter_mut().for_each(|value| *value = scaled(*value, GAIN));
+    for (parity, factor) in STEPS.into_iter().rev() {
+        lift(even, odd, parity, -factor);
+    }
+}
+
+/// One lifting step along a line of two or more.
+fn lift<const N: usize>(even: &mut [[i32; N]], odd: &mut [[i32; N]], parity: usize, factor: i32) {
     let is_even_longer = even.len() > odd.len();
-    let lift = |to: &mut i32, a: i32, b: i32| {
-        *to = to.wrapping_add(scaled(a.wrapping_add(b), factor));
+    let lift = |to: &mut [i32; N], a: &[i32; N], b: &[i32; N]| {
+        for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
+            *to = to.wrapping_add(scaled(a.wrapping_add(*b), factor));
+        }
     };
-    let (to, from): (&mut [i32], &[i32]) = if parity == 0 {
+    let (to, from): (&mut [[i32; N]], &[[i32; N]]) = if parity == 0 {
         // The line is mirrored at its ends.
-        lift(&mut even[0], odd[0], odd[0]);
+        lift(&mut even[0], &odd[0], &odd[0]);
         (&mut even[1..], odd)
     } else {
         (odd, even)
     };
     let others = from.iter().zip(&from[1..]);
-    to.iter_mut().zip(others).for_each(|(to, (a, b))| lift(to, *a, *b));
+    to.iter_mut().zip(others).for_each(|(to, (a, b))| lift(to, a, b));
     if is_even_longer == (parity == 0)
         && let (Some(to), Some(last)) = (to.last_mut(), from.last())
     {
-        lift(to, *last, *last);
-    }
-}
-
-/// One lifting step along the columns, for two rows or more.
-fn lift_rows(
-    plane: &mut [i32],
-    stride: usize,
-    (width, height): (usize, usize),
-    parity: usize,
-    factor: i32,
-) {
-    for y in (parity..height).step_by(2) {
-        let (before, after) = neighbours(y, height);
-        let (above, rest) = plane.split_at_mut(y * stride);
-        let (row, below) = rest.split_at_mut(stride.min(rest.len()));
-        let row = &mut row[..width];
-        let other = |index: usize| {
-            if index < y { &above[index * stride..index * stride + width] } else { &below[..width] }
-        };
-        for ((to, a), b) in row.iter_mut().zip(other(before)).zip(other(after)) {
-            *to = to.wrapping_add(scaled(a.wrapping_add(*b), factor));
-        }
+        lift(to, last, last);
     }
 }
 
@@ -185,6 +184,13 @@ fn centred_norm(level: usize, high: bool) -> f64 {
         line = widened(&line, high && step == 0);
     }
     line.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+/// Index of a line's neighbours, mirrored at its ends.
+fn neighbours(index: usize, len: usize) -> (usize, usize) {
+    let before = if index == 0 { 1 } else { index - 1 };
+    let after = if index + 1 < len { index + 1 } else { index - 1 };
+    (before, after)
 }
 
 /// One level of the inverse, in floats: `line` as the low band, or as the high one.
@@ -216,9 +222,9 @@ mod tests {
 
     #[test]
     fn the_inverse_gives_the_plane_back_to_a_part_of_a_level() {
-        for size in [(1, 1), (1, 9), (2, 2), (6, 1), (7, 13), (320, 180)] {
+        for size in [(1, 1), (1, 9), (2, 2), (6, 1), (7, 13), (65, 43), (320, 180)] {
             let geometry = Geometry::new(size.0, size.1);
-            let mut scratch = Scratch::new(geometry.len());
+            let mut scratch = Scratch::new(geometry.width, geometry.height);
             let before = plane(&geometry);
             let mut after = before.clone();
             for level in 0..geometry.levels {
@@ -236,7 +242,7 @@ mod tests {
     fn the_low_band_keeps_a_flat_picture() {
         let geometry = Geometry::new(64, 48);
         let mut plane = vec![200 << FRACTION; geometry.len()];
-        let mut scratch = Scratch::new(geometry.len());
+        let mut scratch = Scratch::new(geometry.width, geometry.height);
         for level in 0..geometry.levels {
             forward(&mut plane, geometry.width, geometry.sizes[level], &mut scratch);
         }
@@ -251,7 +257,7 @@ mod tests {
     #[test]
     fn norms_are_those_of_the_pictures() {
         let geometry = Geometry::new(256, 256);
-        let mut scratch = Scratch::new(geometry.len());
+        let mut scratch = Scratch::new(geometry.width, geometry.height);
         for band in geometry.bands() {
             let one = 1 << 16;
             let mut plane = vec![0; geometry.len()];

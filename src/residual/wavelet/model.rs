@@ -27,7 +27,15 @@ struct Bin {
     energy: f64,
 }
 
+impl Bin {
+    fn take(&mut self, energy: f64) {
+        self.count += 1;
+        self.energy += energy;
+    }
+}
+
 /// What a frame may come to, at any fineness.
+#[derive(Clone)]
 pub struct Model {
     bins: [Bin; BINS],
     count: u32,
@@ -39,13 +47,21 @@ impl Model {
         Model { bins: [Bin::default(); BINS], count: 0 }
     }
 
-    /// Takes a coefficient of unit norm, in levels of 8 bits.
-    pub fn take(&mut self, size: f32) {
-        let place = (size.to_bits() >> REST).saturating_sub(SMALLEST.to_bits() >> REST);
-        let bin = &mut self.bins[(place as usize).min(BINS - 1)];
-        bin.count += 1;
-        bin.energy += f64::from(size * size);
-        self.count += 1;
+    /// Takes coefficients of unit norm, in levels of 8 bits.
+    pub fn take(&mut self, sizes: impl Iterator<Item = f32>) {
+        // Most are small: their bin stays at hand.
+        let [mut small, ..] = self.bins;
+        for size in sizes {
+            let energy = f64::from(size * size);
+            let place = (size.to_bits() >> REST).saturating_sub(SMALLEST.to_bits() >> REST);
+            if place == 0 {
+                small.take(energy);
+            } else {
+                self.bins[(place as usize).min(BINS - 1)].take(energy);
+            }
+            self.count += 1;
+        }
+        self.bins[0] = small;
     }
 
     /// PSNR, dB.
@@ -97,12 +113,8 @@ mod tests {
     #[test]
     fn a_model_knows_what_is_lost_and_what_is_kept() {
         let mut model = Model::new();
-        for _ in 0..90 {
-            model.take(0.0);
-        }
-        for _ in 0..10 {
-            model.take(100.0);
-        }
+        model.take([0.0; 90].into_iter());
+        model.take([100.0; 10].into_iter());
         // All are kept at the finest step, none at the coarsest.
         let (finest, coarsest) = (Fineness::new(0.5), Fineness::new(63.5));
         let of_error = |error: f64| 10.0 * (65_025.0 / error).log10();
@@ -115,9 +127,7 @@ mod tests {
     #[test]
     fn any_size_has_a_place() {
         let mut model = Model::new();
-        for size in [0.0, 1e-30, 0.25, 1.0, 1e9, f32::MAX] {
-            model.take(size);
-        }
+        model.take([0.0, 1e-30, 0.25, 1.0, 1e9, f32::MAX].into_iter());
         assert_eq!(model.count, 6);
         assert!(model.psnr(Fineness::new(20.0)).is_finite());
     }

@@ -3,6 +3,8 @@
 //! From coarse to fine: the low band, then level by level; within a level by orientation, within that by plane.
 //! After each level the decoded picture of the next one is known, which contexts look at.
 
+use std::ops::Range;
+
 use super::coarser::Coarser;
 use super::colour;
 use super::context::BandContext;
@@ -11,10 +13,13 @@ use super::gains::Gains;
 use super::geometry::{Band, Finest, Geometry, Orientation, Planes};
 use super::lifting::{self, Scratch};
 use super::predictor::{MagnitudeInputs, Predictor, QuietInputs, SignInputs};
-use super::quantised::Quantised;
+use super::quantised::{Quantised, is_any};
 use super::small_blocks::left_out;
 use crate::coder_tables::PLANES;
 use crate::coder_tables::networks::FEATURE_PLACES;
+
+/// Coefficients of a row whose contexts see the pictures together, or that are zero together.
+const TOGETHER: usize = 64;
 
 /// The coefficient that is due.
 pub struct Due<'a> {
@@ -22,6 +27,8 @@ pub struct Due<'a> {
     quantised: &'a Quantised,
     x: usize,
     y: usize,
+    /// What the context sees of both pictures, if all are asked for.
+    seen: Option<&'a QuietInputs>,
 }
 
 impl Due<'_> {
@@ -37,12 +44,18 @@ impl Due<'_> {
 
     /// Inputs of the network for magnitudes.
     pub fn magnitude_inputs(&self) -> MagnitudeInputs {
-        self.context.magnitude_inputs(self.quantised, self.x, self.y)
+        self.context.magnitude_inputs(self.quantised, self.x, self.y, &self.quiet_inputs())
     }
 
     /// Inputs of the network for quiet contexts.
     pub fn quiet_inputs(&self) -> QuietInputs {
-        self.context.quiet_inputs(self.x, self.y)
+        if let Some(seen) = self.seen {
+            return *seen;
+        }
+        let mut seen = [[[0; 2]; _]];
+        self.context.see(self.x..self.x + 1, self.y, &mut seen);
+        let [seen] = seen;
+        seen
     }
 
     /// Inputs of the network for signs.
@@ -53,8 +66,16 @@ impl Due<'_> {
 
 /// Tells the coefficients of a frame, in order.
 pub trait Source {
+    /// It looks at the contexts of all coefficients.
+    const LOOKS_AT_ALL: bool;
+
     /// The next coefficient; `None`: this one and all that follow are not known.
     fn next(&mut self, due: &Due) -> Option<i16>;
+
+    /// Whether all coefficients at such places of a transformed plane are surely zero: they are not asked for then.
+    fn are_zeros(&self, _plane: usize, _places: Range<usize>) -> bool {
+        false
+    }
 
     /// The gains of a level, after its coefficients. `zeros` are the contexts of its first plane.
     fn gains(&mut self, zeros: &[BandContext; 3], quantised: &Quantised) -> Option<Gains>;
@@ -79,8 +100,10 @@ pub struct Pass {
     coarser: Coarser,
     /// The gains of the finest level, until it is decoded.
     unfinished: Option<Gains>,
-    /// Room for what of the render is taken out.
-    taken: Vec<i32>,
+    /// What of the render is taken out, by plane.
+    taken: Planes,
+    /// It is the frame's.
+    is_taken: bool,
     scratch: Scratch,
 }
 
@@ -92,8 +115,9 @@ impl Pass {
             decoded: std::array::from_fn(|_| vec![0; geometry.len()]),
             coarser: Coarser::new(geometry),
             unfinished: None,
-            taken: vec![0; geometry.len()],
-            scratch: Scratch::new(geometry.len()),
+            taken: std::array::from_fn(|_| vec![0; geometry.len()]),
+            is_taken: false,
+            scratch: Scratch::new(geometry.width, geometry.height),
         }
     }
 
@@ -172,14 +196,26 @@ impl Pass {
         }
     }
 
-    fn code_plane(&mut self, run: &mut Run<impl Source>, band: Band, plane: usize) -> Option<()> {
+    fn code_plane<S: Source>(&mut self, run: &mut Run<S>, band: Band, plane: usize) -> Option<()> {
         let Pass { quantised, coarser, .. } = self;
+        let mut seen: [QuietInputs; TOGETHER] = [[[0; 2]; _]; _];
         let context = BandContext::new(run.frame, run.predictor, quantised, coarser, band, plane);
         for y in 0..band.height {
-            for x in 0..band.width {
-                let value = run.source.next(&Due { context: &context, quantised, x, y })?;
-                if value != 0 {
-                    quantised.set(plane, &band, x, y, value);
+            for first in (0..band.width).step_by(TOGETHER) {
+                let xs = first..(first + TOGETHER).min(band.width);
+                if run.source.are_zeros(plane, context.index(first, y)..context.index(xs.end, y)) {
+                    continue;
+                }
+                if S::LOOKS_AT_ALL {
+                    context.see(xs.clone(), y, &mut seen);
+                }
+                for (x, seen) in xs.zip(&seen) {
+                    let seen = S::LOOKS_AT_ALL.then_some(seen);
+                    let due = Due { context: &context, quantised, x, y, seen };
+                    let value = run.source.next(&due)?;
+                    if value != 0 {
+                        quantised.set(plane, &band, x, y, value);
+                    }
                 }
             }
         }
@@ -206,7 +242,12 @@ impl Pass {
             let offsets = &predictor.offsets[plane][band.rank()];
             for (y, place) in band.rows(&frame.geometry).enumerate() {
                 let row = self.quantised.row(plane, &band, y);
-                for (to, value) in self.decoded[plane][place].iter_mut().zip(row) {
+                let decoded = &mut self.decoded[plane][place];
+                if !is_any(row) {
+                    decoded.fill(0);
+                    continue;
+                }
+                for (to, value) in decoded.iter_mut().zip(row) {
                     *to = dequantised(*value, offsets, units);
                 }
             }
@@ -237,44 +278,60 @@ impl Pass {
     /// Takes out of the decoded planes what of the render nothing is predicted from. Only here: contexts look at the
     /// decoded planes, and may not see the render in them.
     fn take_out_render(&mut self, frame: &Frame) {
-        let geometry = &frame.geometry;
-        for (plane, decoded) in self.decoded.iter_mut().enumerate() {
-            let render = frame.render.planes[plane].iter().zip(&frame.weights);
-            for (to, (render, weight)) in self.taken.iter_mut().zip(render) {
-                *to = left_out(*render, *weight);
+        let Pass { decoded, taken, is_taken, scratch, .. } = self;
+        if !std::mem::replace(is_taken, true) {
+            let Frame { geometry, render, weights, .. } = frame;
+            for (taken, render) in taken.iter_mut().zip(&render.planes) {
+                for (to, (render, weight)) in taken.iter_mut().zip(render.iter().zip(weights)) {
+                    *to = left_out(*render, *weight);
+                }
+                for level in (0..geometry.levels).rev() {
+                    lifting::inverse(taken, geometry.width, geometry.sizes[level], scratch);
+                }
             }
-            for level in (0..geometry.levels).rev() {
-                lifting::inverse(
-                    &mut self.taken,
-                    geometry.width,
-                    geometry.sizes[level],
-                    &mut self.scratch,
-                );
-            }
-            for (to, taken) in decoded.iter_mut().zip(&self.taken) {
+        }
+        for (decoded, taken) in decoded.iter_mut().zip(taken) {
+            for (to, taken) in decoded.iter_mut().zip(taken) {
                 *to = to.wrapping_sub(*taken);
             }
         }
     }
 
+    /// To be called whenever the render or its weights change.
+    pub fn forget_render(&mut self) {
+        self.is_taken = false;
+    }
+
     /// Adds the decoded difference to a render, once it is finished, and what was predicted of it from a reference.
     pub fn add_to(&self, inter: Option<&Planes>, render: &mut [u8]) {
-        let [a, b, c] = &self.decoded;
-        let planes = a.iter().zip(b).zip(c).map(|((a, b), c)| [*a, *b, *c]);
-        let Some([d, e, f]) = inter else { return add(planes, render) };
-        let inter = d.iter().zip(e).zip(f).map(|((d, e), f)| [*d, *e, *f]);
-        let sum = |(a, b): ([i32; PLANES], [i32; PLANES])| {
-            std::array::from_fn(|plane| a[plane].wrapping_add(b[plane]))
-        };
-        add(planes.zip(inter).map(sum), render);
+        let planes = self.decoded.each_ref().map(|plane| plane.chunks(AT_ONCE));
+        let [a, b, c] = planes;
+        for (i, (pixels, ((a, b), c))) in
+            render.chunks_mut(3 * AT_ONCE).zip(a.zip(b).zip(c)).enumerate()
+        {
+            let mut planes = [[0; AT_ONCE]; PLANES];
+            for (to, from) in planes.iter_mut().zip([a, b, c]) {
+                to[..from.len()].copy_from_slice(from);
+            }
+            for (to, inter) in planes.iter_mut().zip(inter.into_iter().flatten()) {
+                for (to, inter) in to.iter_mut().zip(&inter[i * AT_ONCE..]) {
+                    *to = to.wrapping_add(*inter);
+                }
+            }
+            add(&planes, pixels);
+        }
     }
 }
 
-/// Adds planes to a picture, pixel by pixel.
-fn add(planes: impl Iterator<Item = [i32; PLANES]>, picture: &mut [u8]) {
-    for (pixel, planes) in picture.chunks_exact_mut(3).zip(planes) {
-        for (to, difference) in pixel.iter_mut().zip(colour::to_rgb(planes)) {
-            *to = (i32::from(*to) + difference).clamp(0, 255) as u8;
+/// Pixels that are added at once.
+const AT_ONCE: usize = 16;
+
+/// Adds planes to pixels.
+fn add(planes: &[[i32; AT_ONCE]; PLANES], pixels: &mut [u8]) {
+    let difference = colour::to_rgb(planes);
+    for (i, pixel) in pixels.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+        for (to, difference) in pixel.iter_mut().zip(&difference) {
+            *to = (i32::from(*to) + difference[i]).clamp(0, 255) as u8;
         }
     }
 }

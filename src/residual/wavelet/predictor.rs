@@ -30,7 +30,7 @@ impl<const PAIRS: usize, const FOURS: usize> Layer<PAIRS, FOURS> {
     }
 
     /// Adds the products to the sums.
-    fn add(&self, sums: &mut [i32x4; FOURS], inputs: &[[i16; 2]; PAIRS]) {
+    fn add(&self, sums: &mut [i32x4; FOURS], inputs: &[[i16; 2]]) {
         for (weights, [a, b]) in self.0.iter().zip(inputs) {
             let inputs = i16x8::new([*a, *b, *a, *b, *a, *b, *a, *b]);
             for (sum, weights) in sums.iter_mut().zip(weights) {
@@ -60,16 +60,21 @@ pub struct BandBias {
     sign: [i32x4; HIDDEN_SIGN / 4],
 }
 
-/// The hidden values of sums, in pairs.
-fn hidden<const FOURS: usize, const PAIRS: usize>(sums: &[i32x4; FOURS]) -> [[i16; 2]; PAIRS] {
-    const { assert!(PAIRS == 2 * FOURS) };
-    let mut pairs = [[0; 2]; PAIRS];
-    for (to, sums) in pairs.as_chunks_mut::<2>().0.iter_mut().zip(sums) {
-        let sums = *sums >> WEIGHT_PLACES;
-        let values = sums.max(i32x4::ZERO).min(i32x4::splat(LARGEST_HIDDEN)).to_array();
-        *to = [[values[0] as i16, values[1] as i16], [values[2] as i16, values[3] as i16]];
-    }
-    pairs
+/// The hidden values of sums.
+fn hidden<const FOURS: usize, const EIGHTS: usize>(sums: &[i32x4; FOURS]) -> [i16x8; EIGHTS] {
+    const { assert!(EIGHTS == FOURS.div_ceil(2) && LARGEST_HIDDEN <= i16::MAX as i32) };
+    std::array::from_fn(|i| {
+        let four = |i: usize| sums.get(i).map_or(i32x4::ZERO, |sum| *sum >> WEIGHT_PLACES);
+        let sums = i16x8::from_i32x8_saturate(bytemuck::cast([four(2 * i), four(2 * i + 1)]));
+        sums.max(i16x8::ZERO).min(i16x8::splat(LARGEST_HIDDEN as i16))
+    })
+}
+
+/// Weights of hidden values for one output.
+fn eights<const N: usize, const EIGHTS: usize>(weights: &[i16; N]) -> [i16x8; EIGHTS] {
+    const { assert!(EIGHTS == N.div_ceil(8)) };
+    let weight = |i: usize| weights.get(i).copied().unwrap_or(0);
+    std::array::from_fn(|eight| i16x8::new(std::array::from_fn(|i| weight(8 * eight + i))))
 }
 
 fn logit(sum: i32) -> Logit {
@@ -93,7 +98,9 @@ pub struct Predictor {
     magnitude_bias_3: [i32x4; LOGITS / 4],
     magnitude_3: Layer<{ HIDDEN_2 / 2 }, { LOGITS / 4 }>,
     quiet_1: Layer<{ pairs(QUIET_INPUTS) }, { HIDDEN_QUIET / 4 }>,
+    quiet_2: [i16x8; HIDDEN_QUIET.div_ceil(8)],
     sign_1: Layer<{ pairs(SIGN_INPUTS) }, { HIDDEN_SIGN / 4 }>,
+    sign_2: [i16x8; HIDDEN_SIGN / 8],
     /// Where coefficients lie in their intervals.
     pub offsets: Offsets,
     pub chances: Chances,
@@ -139,7 +146,9 @@ impl Predictor {
             magnitude_2: Layer::new(&networks.magnitude_2),
             magnitude_3: Layer::new(&networks.magnitude_3),
             quiet_1: Layer::new(&networks.quiet_1),
+            quiet_2: eights(&networks.quiet_2),
             sign_1: Layer::new(&networks.sign_1),
+            sign_2: eights(&networks.sign_2),
             networks,
             offsets: tables.offsets,
             chances: Chances::new(),
@@ -164,9 +173,11 @@ impl Predictor {
         let mut first = band.magnitude;
         self.magnitude_1.add(&mut first, inputs);
         let mut second = self.magnitude_bias_2;
-        self.magnitude_2.add(&mut second, &hidden(&first));
+        let hidden_1: [i16x8; HIDDEN / 8] = hidden(&first);
+        self.magnitude_2.add(&mut second, bytemuck::cast_slice(&hidden_1));
         let mut third = self.magnitude_bias_3;
-        self.magnitude_3.add(&mut third, &hidden(&second));
+        let hidden_2: [i16x8; HIDDEN_2 / 8] = hidden(&second);
+        self.magnitude_3.add(&mut third, bytemuck::cast_slice(&hidden_2));
         let [logits] = third;
         logits.to_array().map(logit)
     }
@@ -175,23 +186,26 @@ impl Predictor {
     pub fn quiet(&self, band: &BandBias, inputs: &QuietInputs) -> Logit {
         let mut first = band.quiet;
         self.quiet_1.add(&mut first, inputs);
-        let hidden: [_; HIDDEN_QUIET / 2] = hidden(&first);
-        output(hidden.as_flattened(), &self.networks.quiet_2, self.networks.quiet_bias_2)
+        output(hidden(&first), &self.quiet_2, self.networks.quiet_bias_2)
     }
 
     /// Logit of a minus sign.
     pub fn sign(&self, band: &BandBias, inputs: &SignInputs) -> Logit {
         let mut first = band.sign;
         self.sign_1.add(&mut first, inputs);
-        let hidden: [_; HIDDEN_SIGN / 2] = hidden(&first);
-        output(hidden.as_flattened(), &self.networks.sign_2, self.networks.sign_bias_2)
+        output(hidden(&first), &self.sign_2, self.networks.sign_bias_2)
     }
 }
 
 /// The logit of a hidden layer's values.
-fn output(hidden: &[i16], weights: &[i16], bias: i16) -> Logit {
-    let products = weights.iter().zip(hidden).map(|(w, v)| i32::from(*w) * i32::from(*v));
-    logit((i32::from(bias) << FEATURE_PLACES) + products.sum::<i32>())
+fn output<const EIGHTS: usize>(
+    hidden: [i16x8; EIGHTS],
+    weights: &[i16x8; EIGHTS],
+    bias: i16,
+) -> Logit {
+    let products = hidden.iter().zip(weights).map(|(hidden, weights)| hidden.dot(*weights));
+    let sum = products.fold(i32x4::ZERO, |sum, products| sum + products).reduce_add();
+    logit((i32::from(bias) << FEATURE_PLACES) + sum)
 }
 
 const _: () = assert!(COUNT_INPUTS.is_multiple_of(2));

@@ -19,6 +19,11 @@ pub struct Near {
     pub beyond: i32,
 }
 
+/// Whether some of them is not zero.
+pub fn is_any(values: &[i16]) -> bool {
+    values.iter().fold(0, |any, value| any | value) != 0
+}
+
 /// The coefficients of a frame.
 pub struct Quantised {
     values: Vec<i16>,

@@ -41,9 +41,9 @@ impl RenderBands {
 
     /// Transforms a render of the geometry's size.
     pub fn set(&mut self, geometry: &Geometry, render: &Picture, scratch: &mut Scratch) {
-        let pixel = |i: usize| std::array::from_fn(|c| i32::from(render.data[3 * i + c]) - GREY);
-        let [a, b, c] = &mut self.planes;
-        colour::to_planes(pixel, [a, b, c]);
+        let pixels = render.data.as_chunks::<3>().0.iter();
+        let levels = pixels.map(|rgb| rgb.map(|level| i32::from(level) - GREY));
+        colour::to_planes(levels, &mut self.planes);
         for (plane, low) in self.planes.iter_mut().zip(&mut self.low) {
             for level in 0..geometry.levels {
                 lifting::forward(plane, geometry.width, geometry.sizes[level], scratch);

@@ -104,12 +104,15 @@ impl SmallBlocks {
         let grid = self.used();
         for band in geometry.bands().filter(|band| band.orientation != Orientation::Low) {
             for (y, row) in band.rows(geometry).enumerate() {
-                for (x, weight) in weights[row].iter_mut().enumerate() {
-                    *weight = if band.level <= grid.level {
-                        self.weight(grid.block(band.level, x, y))
-                    } else {
-                        self.mean(band.level - grid.level, x, y)
-                    };
+                if band.level > grid.level {
+                    for (x, weight) in weights[row].iter_mut().enumerate() {
+                        *weight = self.mean(band.level - grid.level, x, y);
+                    }
+                    continue;
+                }
+                let side = 1 << (grid.level - band.level);
+                for (column, weights) in weights[row].chunks_mut(side).enumerate() {
+                    weights.fill(self.weight(grid.block(band.level, column * side, y)));
                 }
             }
         }

@@ -156,9 +156,18 @@ fn bench_measures_sizes() {
             assert!(own("bytes") > 0.0 && own("code_ms") > 0.0 && own("decode_ms") > 0.0);
             assert!(own("reached") < 3.0 || own("psnr_db") >= target, "{row}");
         }
+        for (index, rate) in
+            ["300 bytes", "1000 bytes", "quality 20", "quality 60"].iter().enumerate()
+        {
+            let own = |key: &str| number(row, &format!("/coder/{index}/{key}"));
+            assert_eq!(row["coder"][index]["rate"], *rate);
+            assert!(own("payload_bytes") > 0.0 && own("codings") >= 1.0, "{row}");
+            assert!(index > 1 || own("payload_bytes") <= [300.0, 1000.0][index], "{row}");
+        }
         assert!(run.stdout.contains(&format!("\n{width}×")), "{}", run.stdout);
     }
     assert_eq!(table(&dive, "sizes.csv").len(), 3);
+    assert_eq!(table(&dive, "coder.csv").len(), 9);
     for plot in ["bytes", "times", "psnr"] {
         assert!(dive.bytes(&format!("out/{plot}.svg")).starts_with(b"<svg"), "{plot}");
     }

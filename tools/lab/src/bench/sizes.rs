@@ -1,11 +1,14 @@
 //! `nvsprior bench --sizes`: bytes, times and memory by the size of the pictures.
 
+mod coder;
+
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::ensure;
 use nvsprior::image::Preprocessor;
 use nvsprior::render::Scene;
+use nvsprior::residual::{ResidualCoder, ResidualSetup};
 use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, FrameStats, Rate};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
@@ -22,7 +25,8 @@ use crate::report::{Table, fixed, fixed_or_empty, write_json};
 pub struct SizesArgs {
     /// Measure only sizes of pictures: bytes at 31, 32 and 33 dB, times and memory at each width
     ///
-    /// Writes sizes.json, sizes.csv, bytes.svg, times.svg and psnr.svg.
+    /// Also the wavelet coder's CPU time by rate. Writes sizes.json, sizes.csv, coder.csv, bytes.svg, times.svg and
+    /// psnr.svg.
     #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site"])]
     pub sizes: bool,
     /// With `--sizes`: the widths. Those wider than the frames are left out
@@ -70,6 +74,8 @@ struct Row {
     host_bytes: Option<u64>,
     /// Of an encoder and a decoder, and the prior.
     device_bytes: u64,
+    /// The coder alone, on the renders at the poses that were found.
+    coder: Vec<coder::AtRate>,
 }
 
 /// Measures, prints and writes it all to a folder.
@@ -101,6 +107,9 @@ pub fn run(
     let table = table(&rows);
     table.print();
     table.write_csv(&folder.join("sizes.csv"))?;
+    let coder = coder::table(rows.iter().flat_map(|row| &row.coder));
+    coder.print();
+    coder.write_csv(&folder.join("coder.csv"))?;
     write_json(&folder.join("sizes.json"), &rows)?;
     plots(&rows, folder)?;
     device.check(&engine)
@@ -118,6 +127,7 @@ struct Run {
     packets: Vec<Vec<u8>>,
     stats: Vec<FrameStats>,
     poses: Vec<nvsprior::Pose>,
+    renders: Vec<nvsprior::Picture>,
     cpu_ms: Option<f64>,
     device_bytes: u64,
 }
@@ -156,7 +166,10 @@ impl Size<'_> {
                 decode_ms,
             });
         }
+        let pictures = self.shots.iter().map(|shot| &shot.picture);
+        let pairs: Vec<_> = pictures.zip(&searched.renders).collect();
         Ok(Row {
+            coder: coder::measure(&self.coder_setup(&camera), &pairs)?,
             width: camera.width,
             height: camera.height,
             frames: self.shots.len(),
@@ -172,10 +185,18 @@ impl Size<'_> {
         })
     }
 
+    fn coder_setup(&self, camera: &Camera) -> ResidualSetup {
+        let tables = self.scene.coder_tables().clone();
+        let portable = self.engine.device().portable;
+        let setup = ResidualSetup::new(camera.width, camera.height, ResidualCoder::Wavelet);
+        ResidualSetup { tables, portable, ..setup }
+    }
+
     fn encode(&self, rate: Option<Rate>) -> anyhow::Result<Run> {
         let options = EncoderOptions { rate, frames_treated: true, ..EncoderOptions::default() };
         let mut encoder = Encoder::new(self.engine, self.scene, &self.shots[0].camera, options)?;
-        let (mut packets, mut stats, mut poses) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut packets, mut stats) = (Vec::new(), Vec::new());
+        let (mut poses, mut renders) = (Vec::new(), Vec::new());
         let bar = progress(self.shots.len(), "encoding");
         let mut begun = None;
         for shot in self.shots {
@@ -184,13 +205,14 @@ impl Size<'_> {
             packets.push(encoded.packet);
             stats.push(encoded.stats);
             poses.push(encoded.pose);
+            renders.push(encoded.render);
             begun = begun.or_else(cpu_ms);
             bar.inc(1);
         }
         let frames = self.shots.len().saturating_sub(1).max(1) as f64;
         let cpu_ms = cpu_ms().zip(begun).map(|(end, begun)| (end - begun) / frames);
         let device_bytes = self.engine.memory().used;
-        Ok(Run { packets, stats, poses, cpu_ms, device_bytes })
+        Ok(Run { packets, stats, poses, renders, cpu_ms, device_bytes })
     }
 
     /// Median of the packets' times, milliseconds, without the first one, and the device's memory.
