@@ -34,8 +34,8 @@ def sizes():
 
 def coder_cpu():
     return table(["size", "rate", "payload, bytes", "encode", "decode"], [
-        [row["size"], row["rate"], f"{row['payload, bytes']:.0f}", f"{row['encode, CPU ms']:.0f} ms",
-         f"{row['decode, CPU ms']:.0f} ms"] for row in values("sizes")["coder"]])
+        [f"{at['width']}×{at['height']}", at["rate"], f"{at['payload_bytes']:.0f}", f"{at['encode_cpu_ms']:.0f} ms",
+         f"{at['decode_cpu_ms']:.0f} ms"] for row in values("sizes")["rows"] for at in row["coder"]])
 
 
 def sites():

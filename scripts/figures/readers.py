@@ -187,8 +187,7 @@ def exact_of_streams(values):
 
 
 def sizes(out):
-    coder = [numbers(row, ("size", "rate")) for row in csv_rows(out / "sizes/coder.csv")]
-    return {"rows": load(out / "sizes/sizes.json"), "coder": coder}
+    return {"rows": load(out / "sizes/sizes.json")}
 
 
 def exact_of_sizes(values):
