@@ -90,7 +90,8 @@ ALL = [
                 quick=True),
     Measurement("reef", ["reef"], [
         f"{NVSPRIOR} bench --prior REEF/prior.ply {REEF} --report OUT/bench",
-        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets --summary OUT/wavelet.json",
+        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets "
+        "--summary OUT/wavelet.json",
         f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --residual webp --packets OUT/webp "
         "--summary OUT/webp.json",
     ], readers.reef, readers.exact_of_reef),
