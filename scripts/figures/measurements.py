@@ -123,7 +123,7 @@ ALL = [
         draw("T1", 8, "--width 1280 "),
         f"{NVSPRIOR} bench --sizes {drawn('T1')} --trained-focal 228.5037 --report OUT/sizes",
     ], readers.sizes, readers.exact_of_sizes),
-    Measurement("sites", ["demo"], [f"{NVSPRIOR} bench --site --site-parts 60 --report OUT"], readers.sites,
+    Measurement("sites", ["demo"], [f"{NVSPRIOR} bench --site --site-parts 6 --report OUT"], readers.sites,
                 readers.exact_of_sites),
     Measurement("link", ["demo", "reef"], [
         *[f"{LINK} --mtu {mtu} {LOSSES} --burst {burst} --report OUT/loss-{mtu}-{burst}"
