@@ -1,4 +1,4 @@
-"""Tables of coders, of streams, and of the paper's methods."""
+"""Tables of coders and of streams."""
 from functools import partial
 
 from page import table, values
@@ -99,50 +99,6 @@ def streams():
         for run, text in STREAMS.items() for mode in MODES if f"{run}-{mode}" in found])
 
 
-METHODS = {
-    "webp": "WebP",
-    "jpeg-xl": "JPEG XL",
-    "affine+webp": "Affine + WebP",
-    "affine+jpeg-xl": "Affine + JPEG XL",
-    "invs+webp": "iNVS + WebP",
-    "invs+jpeg-xl": "iNVS + JPEG XL",
-    "ours-intra": "**ours, intra**",
-    "ours-stream": "**ours, stream**",
-    "estimator": "ours, each frame from nothing",
-}
-
-
-def measured(rows):
-    """The rows that were measured, in the order of METHODS."""
-    found = {row["method"]: row for row in rows if "missing" not in row}
-    return [(METHODS[method], found[method]) for method in METHODS if method in found]
-
-
-def figures(row):
-    return [number(row["bytes"]), number(row["ratio"], 1), number(row["psnr"], 2), number(row["ssim"], 3),
-            number(row["ms_ssim"], 3)]
-
-
-def cited(row):
-    """What the paper reports of the method, without its time."""
-    return ", ".join(row["cited"].split(", ")[:3]) if row["cited"] else NONE
-
-
-FIGURES = ["bytes", "ratio", "PSNR, dB", "SSIM", "MS-SSIM"]
-
-
-def paper(name):
-    return table(["method", "paper: bytes, ratio, dB", *FIGURES, "encode, ms", "decode, ms"], [
-        [method, cited(row), *figures(row), number(row["encode_ms"]), number(row["decode_ms"])]
-        for method, row in measured(values(f"paper-{name}")["rows"])])
-
-
-def paper_equal(name):
-    return table(["method", *FIGURES], [
-        [method, *figures(row)[:-1], figures(row)[-1] + (" (not reached)" if row.get("reached") is False else "")]
-        for method, row in measured(values(f"paper-{name}")["equal"])])
-
-
 TABLES = {
     "shares": shares,
     "beside-webp": beside_webp,
@@ -151,6 +107,4 @@ TABLES = {
     **{f"rates-{name}": partial(rates, name) for name in RUNS},
     **{f"{measure.replace('_', '-')}-{name}": partial(similarity, name, measure)
        for measure in ("ssim", "ms_ssim") for name in ("reef", "t2")},
-    **{f"paper-{name}": partial(paper, name) for name in ("t1", "t2", "reef")},
-    **{f"paper-equal-{name}": partial(paper_equal, name) for name in ("t1", "t2", "reef")},
 }

@@ -32,6 +32,26 @@ def sizes():
         for row in values("sizes")["rows"]])
 
 
+def stages():
+    """Milliseconds of each stage by size, and how much they grow if there are four times the pixels."""
+    found = values("stages")
+    names = list(found)
+
+    def row(text, of):
+        ms = [of(found[name]) for name in names]
+        growth = [f"{after / before:.1f}" if before >= 0.05 else "–" for before, after in zip(ms, ms[1:])]
+        return [*text, *[f"{value:.2f}" for value in ms], ", ".join(growth)]
+
+    def stage(job, name):
+        return lambda size: next((s["ms"] for s in size["stages"] if (s["job"], s["name"]) == (job, name)), 0.0)
+    jobs = {"picture": "picture", "sums, flow": "evaluation"}
+    rows = [row([f"`{s['name']}`", jobs[s["job"]]], stage(s["job"], s["name"]))
+            for s in found[names[0]]["stages"] if s["job"] in jobs]
+    whole = [row(["a forward render", ""], lambda size: size["forward_render_ms"]),
+             row(["a steady frame, without coding", ""], lambda size: size["frame_ms"])]
+    return table(["stage", "of", *[f"{name} wide, ms" for name in names], "times as long"], rows + whole)
+
+
 def coder_cpu():
     return table(["size", "rate", "payload, bytes", "encode", "decode"], [
         [f"{at['width']}×{at['height']}", at["rate"], f"{at['payload_bytes']:.0f}", f"{at['encode_cpu_ms']:.0f} ms",
@@ -96,6 +116,7 @@ TABLES = {
     "mapping-bytes": mapping_bytes,
     "sizes": sizes,
     "coder-cpu": coder_cpu,
+    "stages": stages,
     "sites": sites,
     "flight": flight,
     "link-losses": link_losses,

@@ -52,12 +52,6 @@ def codecs(name, priors, inputs, commands=(), needs=()):
     ], readers.codecs, readers.exact_of_codecs, needs=needs)
 
 
-def paper(name, priors, inputs, commands=()):
-    """The methods of the paper's tables, without those that are learned."""
-    return Measurement(f"paper-{name}", priors, [*commands, f"{NVSPRIOR} bench --paper {inputs} --report OUT/paper"],
-                       readers.paper, readers.exact_of_paper)
-
-
 MODES = {
     "intra": "",
     "chain": "--mode stream",
@@ -123,6 +117,11 @@ ALL = [
         draw("T1", 8, "--width 1280 "),
         f"{NVSPRIOR} bench --sizes {drawn('T1')} --trained-focal 228.5037 --report OUT/sizes",
     ], readers.sizes, readers.exact_of_sizes),
+    Measurement("stages", ["demo"], [
+        draw("T1", 6, "--width 1280 "),
+        *[f"{NVSPRIOR} bench {drawn('T1')} --trained-focal 228.5037 --width {width} --trials 1 --bfgs-frames 0 "
+          f"--configurations 0 --report OUT/{width}" for width in readers.WIDTHS],
+    ], readers.stages, readers.exact_of_stages),
     Measurement("sites", ["demo"], [f"{NVSPRIOR} bench --site --site-parts 6 --report OUT"], readers.sites,
                 readers.exact_of_sites),
     Measurement("link", ["demo", "reef"], [
@@ -134,6 +133,4 @@ ALL = [
         *[command for run in ("T1", "T2")
           for command in (draw(run, 60), *poses(run, f"{drawn(run)} --fps 3 --bit-rate 4000"))],
     ], readers.link, readers.exact_of_link, needs=("mapping",)),
-    paper("reef", ["reef"], f"--prior REEF/prior.ply {REEF}"),
-    *[paper(run.lower(), ["demo"], f"{drawn(run)} --split {run}", [draw(run, 15)]) for run in ("T1", "T2")],
 ]

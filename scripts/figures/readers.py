@@ -130,27 +130,6 @@ def exact_of_codecs(values):
             for row in values["rates"] if row["coder"].startswith("wavelet")]
 
 
-# In a row of paper.md: the method, and what the paper reports for its first data: bytes, ratio, PSNR, ms.
-METHOD, CITED = 1, 10
-
-
-def cited(path):
-    rows = [line.split("|") for line in path.read_text().splitlines() if line.startswith("| `")]
-    texts = {row[METHOD].strip(" `"): row[CITED].strip() for row in rows if len(row) > CITED + 1}
-    return {method: text for method, text in texts.items() if text != "–"}
-
-
-def paper(out):
-    found = cited(out / "paper/paper.md")
-    rows = [row | {"cited": found.get(row["method"])} for row in load(out / "paper/paper.json")]
-    return {"rows": rows, "equal": load(out / "paper/paper-equal.json")}
-
-
-def exact_of_paper(values):
-    return [[row["method"], round(row["bytes"], 1), round(row["psnr"], 2)]
-            for row in values["rows"] if row["method"].startswith("ours")]
-
-
 def summaries(out, names):
     """Of `encode --summary` for each level, mean bytes and PSNR: {name: {level: …}}."""
     found = {}
@@ -193,6 +172,24 @@ def sizes(out):
 def exact_of_sizes(values):
     return [[row["width"], round(row["render_psnr_db"], 2), [round(at["bytes"], 1) for at in row["at_psnr"]]]
             for row in values["rows"]]
+
+
+WIDTHS = (320, 640, 1280)
+
+
+def stages(out):
+    """The device's time by stage, and that of a steady frame, by the pictures' width."""
+    reports = {width: load(out / f"{width}/report.json") for width in WIDTHS}
+    return {str(width): {
+        "stages": [{key: stage[key] for key in ("job", "name", "ms")} for stage in report["stages"]],
+        "frame_ms": report["steady"]["frame_ms"],
+        "forward_render_ms": report["forward_render_ms"],
+        "in_forward_renders": report["steady"]["in_forward_renders"],
+    } for width, report in reports.items()}
+
+
+def exact_of_stages(values):
+    return [[stage["name"] for stage in row["stages"]] for row in values.values()]
 
 
 def sites(out):
