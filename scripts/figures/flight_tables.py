@@ -67,8 +67,8 @@ def sites():
 
 def flight():
     found = values("sites")["flight"]
-    return table(["", ""], [
-        ["copies, blocks, splats", f"{found['copies']}, {found['blocks']:,}, {found['splats']:,}"],
+    return table(["the flight", ""], [
+        ["copies, blocks, splats", f"{found['copies']:.0f}, {found['blocks']:,}, {found['splats']:,}"],
         ["frames", f"{found['frames']:,}"],
         ["certain of their pose", f"{found['certain']:,}"],
         ["waited for blocks", f"{found['frames_that_waited']}"],
