@@ -1,5 +1,5 @@
 """Tables of training, of sizes, of sites in blocks, and of links."""
-from page import table, values
+from page import JOBS, table, values
 
 MIB = 1 << 20
 
@@ -44,9 +44,8 @@ def stages():
 
     def stage(job, name):
         return lambda size: next((s["ms"] for s in size["stages"] if (s["job"], s["name"]) == (job, name)), 0.0)
-    jobs = {"picture": "picture", "sums, flow": "evaluation"}
-    rows = [row([f"`{s['name']}`", jobs[s["job"]]], stage(s["job"], s["name"]))
-            for s in found[names[0]]["stages"] if s["job"] in jobs]
+    rows = [row([f"`{s['name']}`", JOBS[s["job"]]], stage(s["job"], s["name"]))
+            for s in found[names[0]]["stages"] if s["job"] in JOBS]
     whole = [row(["a forward render", ""], lambda size: size["forward_render_ms"]),
              row(["a steady frame, without coding", ""], lambda size: size["frame_ms"])]
     return table(["stage", "of", *[f"{name} wide, ms" for name in names], "times as long"], rows + whole)

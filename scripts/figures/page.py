@@ -1,6 +1,9 @@
 """Lines of Markdown, made of docs/results."""
 import results
 
+# What the stages of these jobs of a bench's report make, in the documents' words.
+JOBS = {"picture": "picture", "sums, flow": "evaluation"}
+
 # Names of the results that tables have read.
 read = set()
 

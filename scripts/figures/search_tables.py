@@ -1,5 +1,5 @@
 """Tables of searches, of the demo, and of stability."""
-from page import table, values
+from page import JOBS, table, values
 
 
 def demo():
@@ -67,10 +67,9 @@ def commands():
 def ceilings():
     reef = values("reef")
     gflops, rate = reef["ceilings"]["flops"] / 1e9, reef["ceilings"]["copy_bytes"] / 1e9
-    jobs = {"picture": "picture", "sums, flow": "evaluation"}
-    chosen = [stage for stage in reef["stages"] if stage["job"] in jobs and stage["name"] != "copy"]
+    chosen = [stage for stage in reef["stages"] if stage["job"] in JOBS and stage["name"] != "copy"]
     return table(["stage", "of", "ms", f"share of {rate:.1f} GB/s", f"share of {gflops:.0f} GFLOP/s", "bound by"], [
-        [f"`{s['name']}`", jobs[s["job"]], f"{s['ms']:.2f}", f"{100 * s['share_of_copy']:.0f} %",
+        [f"`{s['name']}`", JOBS[s["job"]], f"{s['ms']:.2f}", f"{100 * s['share_of_copy']:.0f} %",
          f"{100 * s['share_of_fma']:.0f} %", s["bound"]] for s in chosen])
 
 

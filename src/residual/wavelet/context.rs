@@ -192,8 +192,8 @@ impl<'a> BandContext<'a> {
     }
 
     /// The render and the decoded coarser picture along a part of a row: inputs 18 to 32 for magnitudes, and all for
-    /// quiet contexts. If the frame is predicted from an earlier one, the first two are what is predicted from that, in
-    /// place of where the coefficient lies.
+    /// quiet contexts. The first two say where the coefficient lies. If the frame is predicted from an earlier one, they
+    /// say what is predicted from it instead.
     pub fn see(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
         let Band { level, width, height, .. } = self.band;
         let inter = self.frame.inter_seen();
@@ -231,7 +231,7 @@ impl<'a> BandContext<'a> {
         }
     }
 
-    /// The render's coefficients, where it is known: inputs 23 to 26.
+    /// The render's coefficients, if it is known: inputs 23 to 26.
     fn see_render(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
         let render = &self.frame.render;
         let places = self.index(xs.start, y)..self.index(xs.end, y);
