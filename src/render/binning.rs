@@ -11,10 +11,10 @@ const TABLE: u32 = 1 << 22;
 /// Most tiles of a picture.
 const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
 /// Most bands of a picture: the number in the widest picture, whose bands have the fewest rows of tiles.
-pub(crate) const BANDS: u32 = TILES / shared::TABLE;
+pub(crate) const BANDS: u32 = TILES / shared::BIN_TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
-const _: () = assert!(shared::TABLE >= Camera::MAX_SIDE / TILE, "a band has at least one row");
+const _: () = assert!(shared::BIN_TABLE >= Camera::MAX_SIDE / TILE, "a band has at least one row");
 
 /// How binning is shared among workgroups.
 pub(crate) struct Binning {
@@ -22,6 +22,8 @@ pub(crate) struct Binning {
     pub log_blocks: u32,
     /// Counters of each: tiles of a band at most.
     table: u32,
+    /// Rows of tiles of a band at most.
+    most_rows: u32,
     /// Where each block's part of each tile's list begins. The last row holds the ends.
     pub starts: Buffer,
 }
@@ -30,15 +32,17 @@ impl Binning {
     /// Makes buffers for pictures of at most `tiles` tiles.
     pub fn new(device: &Device, log_blocks: u32, tiles: u32) -> Result<Binning, Error> {
         let table = kernels::bin_table(device.info());
+        let most_rows = kernels::band_rows(device.info());
         let words = (u64::from(tiles) << log_blocks) + u64::from(tiles);
         let starts = Buffer::new::<u32>(device, "tile starts", words as usize, Memory::Device)?;
-        Ok(Binning { log_blocks, table, starts })
+        Ok(Binning { log_blocks, table, most_rows, starts })
     }
 
     /// Shares the binning of these parameters' picture.
     pub fn share(&self, params: &mut Params) {
         params.bin_blocks = 1 << self.log_blocks;
-        params.band_rows = band_rows(self.table, params.tiles_x, self.log_blocks);
+        params.band_rows =
+            band_rows(self.table, params.tiles_x, self.log_blocks).min(self.most_rows);
     }
 }
 
@@ -67,7 +71,7 @@ mod tests {
     fn tables_stay_bounded() {
         for width in [8, 72, 1_024, Camera::MAX_SIDE] {
             for log_blocks in 2..=8 {
-                let rows = band_rows(shared::TABLE, width / TILE, log_blocks);
+                let rows = band_rows(shared::BIN_TABLE, width / TILE, log_blocks);
                 let bands = (Camera::MAX_SIDE / TILE).div_ceil(rows);
                 assert!(bands <= BANDS, "{width}, {log_blocks}: {bands} bands");
             }

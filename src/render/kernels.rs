@@ -3,25 +3,32 @@
 
 use nvsprior_kernels::modules;
 
-use crate::shared::{LOCKSTEP_TABLE, TABLE};
+use crate::shared::{BIN_TABLE, LOCKSTEP_TABLE};
 use crate::vulkan::{Code, Device, DeviceInfo, DeviceKind, Error, Kernel};
 
 /// Logarithm, base 2, of the number of workgroups that share the sort of `splats` splats. A CPU needs a few workgroups
 /// per core, a GPU needs many. But each further one costs a row of counters, and each reads those of all others.
+/// Measured on a GPU: docs/latency.md.
 pub(crate) fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
-    let least = if device.kind == DeviceKind::Cpu { 3 } else { 5 };
+    let least = if device.kind == DeviceKind::Cpu { 3 } else { 6 };
     by_splats(splats).clamp(least, 7)
 }
 
 /// The same for binning, whose workgroups have more to do for each splat; at least 2.
 pub(crate) fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
-    let least = if device.kind == DeviceKind::Cpu { 4 } else { 7 };
+    let least = if device.kind == DeviceKind::Cpu { 4 } else { 8 };
     by_splats(splats).clamp(least, 8)
 }
 
 /// Tiles of a band of tiles at most: counters of a workgroup that bins.
 pub(crate) fn bin_table(device: &DeviceInfo) -> u32 {
-    if device.in_lockstep() { LOCKSTEP_TABLE } else { TABLE }
+    if device.in_lockstep() { LOCKSTEP_TABLE } else { BIN_TABLE }
+}
+
+/// Rows of tiles of a band at most. The splats of a block may touch many tiles or few, so a GPU, which waits for the
+/// slowest workgroup, wants small bands. Each band goes through all splats, so a CPU wants large ones.
+pub(crate) fn band_rows(device: &DeviceInfo) -> u32 {
+    if device.kind == DeviceKind::Cpu { u32::MAX } else { 6 }
 }
 
 /// No workgroup should have more than some thousand splats: llvmpipe ends loops after 65,535 rounds.
@@ -83,8 +90,7 @@ macro_rules! kernels {
 kernels! {
     /// Pipelines that do not depend on the prior.
     Kernels:
-    radix_count = radix_count(3, 4), in lockstep: radix_count_lockstep,
-        in waves: radix_count_wave16 radix_count_wave32 radix_count_wave64;
+    radix_count = radix_count(3, 4), in lockstep: radix_count_lockstep;
     radix_scatter = radix_scatter(6, 4), in lockstep: radix_scatter_lockstep,
         in waves: radix_scatter_wave16 radix_scatter_wave32 radix_scatter_wave64;
     bin_count = bin_count(5, 1), in lockstep: bin_count_lockstep,

@@ -107,6 +107,11 @@ impl Probe<'_> {
         super::kernels::log_bin_blocks(self.device.info(), splats)
     }
 
+    /// Rows of tiles of a band at most.
+    pub fn band_rows(&self) -> u32 {
+        super::kernels::band_rows(self.device.info())
+    }
+
     /// Tiles of a band at most.
     pub fn bin_table(&self) -> u32 {
         super::kernels::bin_table(self.device.info())

@@ -344,8 +344,14 @@ impl Stages<'_> {
         // Without a frame anything is bound in its place.
         let [from, to] = frame.map_or([render; 2], |frame| [&frame.bytes, &frame.difference]);
         let buffers = [&levels.params, &levels.image, render, from, to];
-        let quads = pass.at(offset_of!(Groups, quads));
+        let byte_words = pass.at(offset_of!(Groups, byte_words));
         let push = [frame.is_some().into()];
-        r.dispatch_indirect(&self.kernels.quantize_rgb8, &buffers, &push, &levels.groups, quads)
+        r.dispatch_indirect(
+            &self.kernels.quantize_rgb8,
+            &buffers,
+            &push,
+            &levels.groups,
+            byte_words,
+        )
     }
 }

@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex};
 
 use ash::{Entry, ext, khr, vk};
 
+use crate::shared::WAVE_MEMORY;
+
 use super::Error;
 use super::device_info::{DeviceInfo, DeviceKind, ListedDevice, NO_HARDWARE};
 
@@ -279,7 +281,7 @@ impl Instance {
             api: (vk::api_version_major(p.api_version), vk::api_version_minor(p.api_version)),
             subgroup: subgroup.subgroup_size,
             shuffles: operations.contains(vk::SubgroupFeatureFlags::SHUFFLE),
-            wave: match full {
+            wave: match full && p.limits.max_compute_shared_memory_size >= WAVE_MEMORY {
                 true => {
                     let sizes = [sizes.min_subgroup_size, sizes.max_subgroup_size];
                     wave(subgroup.subgroup_size, sizes, operations)

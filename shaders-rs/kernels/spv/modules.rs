@@ -10,9 +10,8 @@ modules! {
     project: project project_lockstep;
     pyramid: pyramid;
     quantize_rgb8: quantize_rgb8;
-    radix: radix_count radix_count_lockstep radix_count_wave16 radix_count_wave32 radix_count_wave64
-        radix_scatter radix_scatter_lockstep radix_scatter_wave16 radix_scatter_wave32
-        radix_scatter_wave64;
+    radix: radix_count radix_count_lockstep radix_scatter radix_scatter_lockstep;
+    radix_waves: radix_scatter_wave16 radix_scatter_wave32 radix_scatter_wave64;
     reduce: reduce;
     solve: solve;
     splat: splat splat_lockstep splat_wave16 splat_wave32 splat_wave64;

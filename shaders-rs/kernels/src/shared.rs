@@ -22,8 +22,16 @@ pub const DIGITS: u32 = 3;
 /// Counters of a counting stage's workgroup in shared memory: one per digit of the widest pass, or one per tile of a
 /// band. They take 8 KiB, half of what every device has.
 pub const TABLE: u32 = 2048;
-/// The same for binning in lockstep: 32 KiB. Each band goes through all splats, so a CPU, which has no use for several
-/// workgroups per core, wants few bands.
+/// Most tiles of a band, unless it is binned in lockstep: [`TABLE`] holds a place and an end for each.
+pub const BIN_TABLE: u32 = TABLE / 2;
+/// Counters of a workgroup of stage `radix_scatter` in the forms for waves.
+pub const SCATTER_TABLES: u32 = 4096;
+/// Sums over these.
+pub const SCATTER_TOTALS: u32 = 8;
+/// Shared memory that the forms for waves need, bytes.
+pub const WAVE_MEMORY: u32 = 4 * (SCATTER_TABLES + SCATTER_TOTALS);
+/// Counters of a workgroup that bins in lockstep: 32 KiB. Each band goes through all splats, so a CPU, which has no use
+/// for several workgroups per core, wants few bands.
 pub const LOCKSTEP_TABLE: u32 = 8192;
 /// Planes of the `geometry` buffer, of a pair of floats per splat: position, opacity, 3×3 axes, a spare.
 pub const GEOMETRY_PLANES: u32 = 7;
@@ -228,8 +236,8 @@ pub struct Groups {
     pub tiles: [u32; 3],
     /// A workgroup per so many tiles of a row as it draws.
     pub tile_groups: [u32; 3],
-    /// An invocation four pixels.
-    pub quads: [u32; 3],
+    /// An invocation per word of four bytes of an 8-bit picture.
+    pub byte_words: [u32; 3],
     /// One workgroup.
     pub one: [u32; 3],
 }
@@ -243,7 +251,7 @@ impl Groups {
         bands: [0, 1, 1],
         tiles: [0, 1, 1],
         tile_groups: [0, 1, 1],
-        quads: [0, 1, 1],
+        byte_words: [0, 1, 1],
         one: [0, 1, 1],
     };
 
@@ -259,7 +267,7 @@ impl Groups {
             bands: [bands, 1, 1],
             tiles: [params.tiles_x, params.tiles_y, 1],
             tile_groups: [params.tiles_x.div_ceil(params.tiles_per_group), params.tiles_y, 1],
-            quads: [(params.width * params.height).div_ceil(4 * GROUP), 1, 1],
+            byte_words: [(params.width * params.height * 3).div_ceil(4 * GROUP), 1, 1],
             one: [1, 1, 1],
         }
     }

@@ -471,6 +471,11 @@ fn emit<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     while tile < tiles {
         let start = shared::saturating(before, at(starts, own + tile));
         *at_mut(next, tile) = start;
+        if !L::REPEATS {
+            // The ends of the block's lists, behind the places.
+            let end = shared::saturating(before, at(starts, row_below + tile)).min(room);
+            *at_mut(next, tiles + tile) = end;
+        }
         if group.x == 0 {
             let end = shared::saturating(before, at(starts, last_row + tile));
             *at_mut(ranges, first_tile + tile) = UVec2::new(start.min(room), end.min(room));
@@ -478,25 +483,35 @@ fn emit<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
         tile += L::COUNT;
     }
     L::sync();
+    let bits = u32::BITS - tiles.leading_zeros();
+    // A pair whose store is put off: its place, or `room` if there is none, and its splat.
+    let (mut kept_to, mut kept_splat) = (room, 0);
     for_rows!(params, share, order, records, lane, scratch, cut, |row| {
         let rows = Rows::new::<L>(row, lane, scratch);
         let mut place = lane;
         loop {
             let pair = rows.pair::<L>(place, scratch);
-            let rank = L::rank(if pair.any { pair.tile } else { tiles }, lane, scratch);
+            let rank =
+                L::rank(if pair.any { pair.tile } else { tiles }, bits, lane, scratch);
             let to = at(next, pair.tile) + rank.before;
-            let mut end = room;
-            if !L::REPEATS {
-                // Never more than were counted, should this stage's rounding differ.
-                end = shared::saturating(before, at(starts, row_below + pair.tile)).min(room);
-            }
+            // Never more than were counted, should this stage's rounding differ.
+            let end = if L::REPEATS { room } else { at(next, tiles + pair.tile) };
             L::sync();
             if pair.any & rank.last {
                 *at_mut(next, pair.tile) = to + 1;
             }
             L::sync();
-            if pair.any & (to < end) {
-                *at_mut(pair_splats, to) = pair.splat;
+            let there = pair.any & (to < end);
+            if L::REPEATS {
+                if there {
+                    *at_mut(pair_splats, to) = pair.splat;
+                }
+            } else {
+                // A GPU may wait at a barrier for the stores before it, so that of the round before comes behind.
+                if kept_to < room {
+                    *at_mut(pair_splats, kept_to) = kept_splat;
+                }
+                (kept_to, kept_splat) = (if there { to } else { room }, pair.splat);
             }
             place += L::COUNT;
             if place - lane >= rows.tiles.total {
@@ -506,6 +521,9 @@ fn emit<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
         L::sync();
         cut |= place - lane < rows.tiles.total;
     });
+    if kept_to < room {
+        *at_mut(pair_splats, kept_to) = kept_splat;
+    }
     L::sync();
     if cut {
         tell_cut(counters);

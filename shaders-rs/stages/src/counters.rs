@@ -88,6 +88,65 @@ pub fn before(words: &[u32], table: &BlockTable, block: u32, column: u32) -> [u3
     let rows = 1 << table.log_sums();
     let [before, all] = sums(words, table.sums + column, table.width, own, rows);
     let first = own << table.log_each();
-    let [beside, _] = sums(words, table.cell(first, column), table.width, block - first, block - first);
+    let [beside, _] =
+        sums(words, table.cell(first, column), table.width, block - first, block - first);
     [before + beside, all]
+}
+
+/// Sums over some rows of four columns, as [`sums`]. Four rows are loaded at once.
+fn four_sums(words: &[u32], first: [u32; 4], width: u32, end: u32, rows: u32) -> [[u32; 2]; 4] {
+    let [mut a, mut b, mut c, mut d] = [[0_u32; 2]; 4];
+    let mut row = 0;
+    macro_rules! load {
+        // Beyond the last row the last one is loaded, and not added.
+        ($column:literal) => {
+            [
+                at(words, first[$column] + row.min(rows - 1) * width),
+                at(words, first[$column] + (row + 1).min(rows - 1) * width),
+                at(words, first[$column] + (row + 2).min(rows - 1) * width),
+                at(words, first[$column] + (row + 3).min(rows - 1) * width),
+            ]
+        };
+    }
+    macro_rules! add {
+        ($sum:ident, $counts:ident, $k:literal) => {
+            $sum[0] += if row + $k < end { $counts[$k] } else { 0 };
+            $sum[1] += if row + $k < rows { $counts[$k] } else { 0 };
+        };
+        ($sum:ident, $counts:ident) => {
+            add!($sum, $counts, 0);
+            add!($sum, $counts, 1);
+            add!($sum, $counts, 2);
+            add!($sum, $counts, 3);
+        };
+    }
+    while row < rows {
+        let (e, f, g, h) = (load!(0), load!(1), load!(2), load!(3));
+        add!(a, e);
+        add!(b, f);
+        add!(c, g);
+        add!(d, h);
+        row += 4;
+    }
+    [a, b, c, d]
+}
+
+/// As [`before`], of four columns. Those beyond the table's width count as the last one.
+pub fn four_before(
+    words: &[u32],
+    table: &BlockTable,
+    block: u32,
+    columns: [u32; 4],
+) -> [[u32; 2]; 4] {
+    let last = table.width - 1;
+    let [a, b, c, d] = columns;
+    let [a, b, c, d] = [a.min(last), b.min(last), c.min(last), d.min(last)];
+    let own = block >> table.log_each();
+    let of = |start: u32| [start + a, start + b, start + c, start + d];
+    let [e, f, g, h] = four_sums(words, of(table.sums), table.width, own, 1 << table.log_sums());
+    let first = own << table.log_each();
+    let count = block - first;
+    let beside = of(table.cell(first, 0));
+    let [i, j, k, l] = four_sums(words, beside, table.width, count, count);
+    [[e[0] + i[0], e[1]], [f[0] + j[0], f[1]], [g[0] + k[0], g[1]], [h[0] + l[0], h[1]]]
 }

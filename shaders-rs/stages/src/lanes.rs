@@ -63,8 +63,8 @@ pub trait Lanes {
     /// Exclusive prefix sum, and the total, which wrap; uses slot 0.
     fn sum(value: u32, lane: u32, scratch: &mut Scratch) -> (u32, u32);
 
-    /// Rank among equal values; uses slot 0.
-    fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank;
+    /// Rank among equal values of `bits` bits; uses slot 0.
+    fn rank(value: u32, bits: u32, lane: u32, scratch: &mut Scratch) -> Rank;
 
     /// Adds `step`, the same for all, to a counter of each invocation that is `counted`; uses slot 0.
     fn tally<const N: usize>(
@@ -107,7 +107,7 @@ impl Scan for Wide {
 }
 
 /// Adds to a counter in shared memory.
-fn add<const N: usize>(table: &mut [u32; N], index: u32, step: u32) {
+pub fn add<const N: usize>(table: &mut [u32; N], index: u32, step: u32) {
     // SAFETY: an atomic on shared memory. The sum of integers is the same in any order.
     unsafe {
         const SCOPE: u32 = Scope::Workgroup as u32;
@@ -146,7 +146,7 @@ impl<const COUNT: u32> Lanes for Shared<COUNT> {
         (before, total)
     }
 
-    fn rank(value: u32, lane: u32, scratch: &mut Scratch) -> Rank {
+    fn rank(value: u32, _bits: u32, lane: u32, scratch: &mut Scratch) -> Rank {
         scratch[lane as usize] = value;
         barrier();
         let (mut before, mut after) = (0, 0);
@@ -185,9 +185,6 @@ pub fn sync_subgroup() {
     control_barrier::<SCOPE, SCOPE, SEMANTICS>();
 }
 
-/// Bits of the values that [`Lanes::rank`] compares: at most [`TABLE`].
-const RANK_BITS: u32 = TABLE.ilog2() + 1;
-
 /// Two words that have a bit for each of the first `count` invocations.
 fn first(count: u32) -> [u32; 2] {
     let word = |count: u32| if count < 32 { (1 << count) - 1 } else { u32::MAX };
@@ -213,10 +210,10 @@ impl<const COUNT: u32> Lanes for Wave<COUNT> {
         (before, subgroup_shuffle(before.wrapping_add(value), COUNT - 1))
     }
 
-    fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
+    fn rank(value: u32, bits: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
         let [mut low, mut high] = first(COUNT);
         let mut bit = 0;
-        while bit < RANK_BITS {
+        while bit < bits {
             let set = (value >> bit) & 1 != 0;
             let others = subgroup_ballot(set);
             low &= if set { others.x } else { !others.x };
@@ -343,7 +340,7 @@ impl Lanes for Lockstep {
         (sum.wrapping_sub(value), broadcast::<7>(sum))
     }
 
-    fn rank(value: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
+    fn rank(value: u32, _bits: u32, lane: u32, _scratch: &mut Scratch) -> Rank {
         let mut before = ahead(value, lane, 0, broadcast::<0>(value));
         before += ahead(value, lane, 1, broadcast::<1>(value));
         before += ahead(value, lane, 2, broadcast::<2>(value));
@@ -363,7 +360,7 @@ impl Lanes for Lockstep {
         lane: u32,
         scratch: &mut Scratch,
     ) {
-        let rank = Self::rank(if counted { index } else { u32::MAX }, lane, scratch);
+        let rank = Self::rank(if counted { index } else { u32::MAX }, 32, lane, scratch);
         if counted {
             let counter = at_mut(table, index);
             *counter = counter.wrapping_add((rank.before + 1).wrapping_mul(step));

@@ -27,7 +27,8 @@ fn word_difference(frame: u32, render: u32) -> u32 {
     out
 }
 
-/// One invocation per four pixels, which are three words of bytes.
+/// One invocation per word of four bytes, so that a subgroup writes words that lie side by side: the host's memory may
+/// be behind a bus.
 #[spirv(compute(threads(256)))]
 pub fn quantize_rgb8(
     #[spirv(global_invocation_id)] id: UVec3,
@@ -38,28 +39,24 @@ pub fn quantize_rgb8(
     #[spirv(storage_buffer, descriptor_set = 0, binding = 3)] frame: &[u32],
     #[spirv(storage_buffer, descriptor_set = 0, binding = 4)] differences: &mut [u32],
 ) {
-    let pixels = params.width * params.height;
+    let bytes = params.width * params.height * 3;
     let first = id.x * 4;
-    if first >= pixels {
+    if first >= bytes {
         return;
     }
-    let mut words = [0; 3];
+    let mut word = 0;
     let mut k = 0;
-    while k < 12 {
-        let pixel = first + k / 3;
-        if pixel < pixels {
-            let value = image[(pixel * PIXEL + k % 3) as usize];
-            words[(k / 4) as usize] |= to_byte(value) << (8 * (k % 4));
+    while k < 4 {
+        let byte = first + k;
+        if byte < bytes {
+            let value = image[(byte / 3 * PIXEL + byte % 3) as usize];
+            word |= to_byte(value) << (8 * k);
         }
         k += 1;
     }
-    let at = (id.x * 3) as usize;
-    render[at] = words[0];
-    render[at + 1] = words[1];
-    render[at + 2] = words[2];
+    let at = id.x as usize;
+    render[at] = word;
     if framed.framed == 1 {
-        differences[at] = word_difference(frame[at], words[0]);
-        differences[at + 1] = word_difference(frame[at + 1], words[1]);
-        differences[at + 2] = word_difference(frame[at + 2], words[2]);
+        differences[at] = word_difference(frame[at], word);
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::block_table::BlockTable;
 use crate::counters::{self, before};
-use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Table, Wave};
+use crate::lanes::{Lanes, Lockstep, Plain, Scratch, Shared, Table};
 use crate::memory::{at, at_mut};
 use crate::shared::{self, CULLED, Counters, DIGITS, SORT_STEP};
 use spirv_std::glam::UVec3;
@@ -38,7 +38,7 @@ pub fn digit_of(key: u32, bits: u32, digit: u32) -> u32 {
 
 impl Pass {
     /// Keys `[first, end)` of a block.
-    fn block(&self, counters: &Counters, block: u32) -> [u32; 2] {
+    pub fn block(&self, counters: &Counters, block: u32) -> [u32; 2] {
         let all = if self.keys > 0 { self.keys } else { counters.splats };
         let keys = if self.first == 1 { all } else { counters.visible };
         shared::block(keys, self.log_blocks, block, SORT_STEP)
@@ -131,7 +131,8 @@ fn scatter<L: Lanes>(
         }
         let kept = key != CULLED;
         let digit = digit_of(key, bits, pass.digit);
-        let rank = L::rank(if kept { digit } else { table.width }, lane, scratch);
+        let rank =
+            L::rank(if kept { digit } else { table.width }, bits + 1, lane, scratch);
         let to = at(next, digit) + rank.before;
         L::sync();
         if kept & rank.last {
@@ -148,15 +149,14 @@ fn scatter<L: Lanes>(
     }
 }
 
-/// Makes a form of both stages: entry points, invocations of a workgroup, and the built-in number of an
-/// invocation.
+/// Makes a form of both stages: entry points, and for each the invocations of a workgroup.
 macro_rules! form {
-    ($count:ident, $scatter:ident, $threads:tt, $lanes:ty, $lane:ident) => {
+    ($count:ident, $count_threads:tt, $count_lanes:ty, $scatter:ident, $threads:tt, $lanes:ty) => {
         /// Histogram of each block's digits.
-        #[spirv(compute(threads($threads)))]
+        #[spirv(compute(threads($count_threads)))]
         pub fn $count(
             #[spirv(workgroup_id)] group: UVec3,
-            #[spirv($lane)] lane: u32,
+            #[spirv(local_invocation_index)] lane: u32,
             #[spirv(workgroup)] bins: &mut Table,
             #[spirv(workgroup)] scratch: &mut Scratch,
             #[spirv(push_constant)] pass: &Pass,
@@ -165,7 +165,7 @@ macro_rules! form {
             #[spirv(storage_buffer, descriptor_set = 0, binding = 2)] histogram: &mut [u32],
         ) {
             let counters = *counters;
-            count::<$lanes>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
+            count::<$count_lanes>(group.x, lane, bins, scratch, pass, &counters, keys, histogram);
         }
 
         /// Moves each key and value to its place: after those placed before, by its rank among the invocations with an
@@ -173,7 +173,7 @@ macro_rules! form {
         #[spirv(compute(threads($threads)))]
         pub fn $scatter(
             #[spirv(workgroup_id)] group: UVec3,
-            #[spirv($lane)] lane: u32,
+            #[spirv(local_invocation_index)] lane: u32,
             #[spirv(workgroup)] next: &mut Table,
             #[spirv(workgroup)] scratch: &mut Scratch,
             #[spirv(push_constant)] pass: &Pass,
@@ -193,8 +193,5 @@ macro_rules! form {
     };
 }
 
-form!(radix_count, radix_scatter, 32, Plain, local_invocation_index);
-form!(radix_count_lockstep, radix_scatter_lockstep, 8, Lockstep, local_invocation_index);
-form!(radix_count_wave16, radix_scatter_wave16, 16, Wave<16>, subgroup_local_invocation_id);
-form!(radix_count_wave32, radix_scatter_wave32, 32, Wave<32>, subgroup_local_invocation_id);
-form!(radix_count_wave64, radix_scatter_wave64, 64, Wave<64>, subgroup_local_invocation_id);
+form!(radix_count, 128, Shared<128>, radix_scatter, 32, Plain);
+form!(radix_count_lockstep, 8, Lockstep, radix_scatter_lockstep, 8, Lockstep);

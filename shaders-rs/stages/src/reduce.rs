@@ -1,6 +1,6 @@
 //! Stage `reduce`: sums of the normal equations, over a workgroup and over tiles, in a fixed order.
 
-use crate::memory::at_mut;
+use crate::memory::{at, at_mut};
 use crate::rows::Rows;
 use crate::shared::{Params, SPLAT_THREADS, SUMS};
 use spirv_std::arch::{subgroup_f_add, workgroup_memory_barrier_with_group_sync as barrier};
@@ -123,9 +123,30 @@ pub fn total(lane: u32, tiles: u32, partials: &[f32], scratch: &mut Columns) {
     let mut sum = 0.0;
     if k < SUMS {
         let mut tile = lane / COLUMNS;
+        macro_rules! load {
+            // Beyond the last tile the last one is loaded, and not added.
+            ($j:literal) => {
+                at(partials, (tile + $j * LANES).min(tiles - 1) * SUMS + k)
+            };
+        }
+        macro_rules! add {
+            ($j:literal, $value:ident) => {
+                sum += if tile + $j * LANES < tiles { $value } else { 0.0 };
+            };
+        }
+        // Eight tiles are loaded at once: one after the other, a GPU would wait for each.
         while tile < tiles {
-            sum += partials[(tile * SUMS + k) as usize];
-            tile += LANES;
+            let (a, b, c, d) = (load!(0), load!(1), load!(2), load!(3));
+            let (e, f, g, h) = (load!(4), load!(5), load!(6), load!(7));
+            add!(0, a);
+            add!(1, b);
+            add!(2, c);
+            add!(3, d);
+            add!(4, e);
+            add!(5, f);
+            add!(6, g);
+            add!(7, h);
+            tile += 8 * LANES;
         }
     }
     scratch[lane as usize] = sum;

@@ -12,7 +12,7 @@ mod known;
 
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::block_table::BlockTable;
-use nvsprior_kernels::shared::{DIGITS, SUMS, TABLE};
+use nvsprior_kernels::shared::{BIN_TABLE, DIGITS, SUMS};
 
 pub use counts::Counts;
 pub use gpu::{Gpu, Times, is_modelled};
@@ -52,6 +52,10 @@ pub struct Sharing {
     pub bin_blocks: f64,
     /// Tiles of a band at most.
     pub bin_table: f64,
+    /// Rows of tiles of a band at most.
+    pub band_rows: f64,
+    /// Invocations of a workgroup of stage `radix_scatter`.
+    pub scatter_lanes: f64,
     /// Invocations of the scans' workgroups.
     pub scan_lanes: f64,
     /// Pixels that an invocation of the blending stages draws per loaded splat, in a picture and in an evaluation, c.
@@ -61,9 +65,11 @@ pub struct Sharing {
 impl Sharing {
     /// As GPUs have it, with as many workgroups as small priors take.
     pub const GPU: Sharing = Sharing {
-        sort_blocks: 32,
-        bin_blocks: 128.0,
-        bin_table: TABLE as f64,
+        sort_blocks: 64,
+        bin_blocks: 256.0,
+        bin_table: BIN_TABLE as f64,
+        band_rows: 6.0,
+        scatter_lanes: 128.0,
         scan_lanes: 256.0,
         column: [4.0, 4.0],
     };
@@ -74,19 +80,20 @@ impl Sharing {
         let sort_blocks = 1 << probe.log_sort_blocks(splats);
         let bin_blocks = f64::from(1 << probe.log_bin_blocks(splats));
         let bin_table = f64::from(probe.bin_table());
-        let sharing = Sharing { sort_blocks, bin_blocks, bin_table, ..Sharing::GPU };
+        let band_rows = f64::from(probe.band_rows());
+        let sharing = Sharing { sort_blocks, bin_blocks, bin_table, band_rows, ..Sharing::GPU };
         match engine.device().in_lockstep() {
-            true => Sharing { scan_lanes: 8.0, column: [8.0, 4.0], ..sharing },
+            true => Sharing { scan_lanes: 8.0, scatter_lanes: 8.0, column: [8.0, 4.0], ..sharing },
             false => sharing,
         }
     }
 
     /// Counters of a digit that a workgroup of the sort adds up, on average; and how many loads of them wait for each
-    /// other, eight at a time.
+    /// other: 16 at a time, of four digits.
     fn digit(&self) -> [f64; 2] {
         let table = BlockTable::new(1, self.sort_blocks.ilog2(), 0, 1);
         let (sums, each) = (f64::from(1 << table.log_sums()), f64::from(1 << table.log_each()));
-        [sums + (each - 1.0) / 2.0, (sums / 8.0).ceil() + ((each - 1.0) / 8.0).ceil()]
+        [sums + (each - 1.0) / 2.0, ((sums / 4.0).ceil() + ((each - 1.0) / 4.0).ceil()) / 4.0]
     }
 
     /// Loads of a scan that wait for each other. For each column of its lanes it goes down the blocks twice, 16 loads
@@ -179,21 +186,23 @@ impl Cost<'_> {
     fn sort(&self, stage: &str) -> Work {
         let (c, passes) = (self.counts, f64::from(self.passes));
         let (n, v, later) = (c.splats, c.visible, passes - 1.0);
-        let share = v / (f64::from(self.sharing.sort_blocks) * 32.0);
+        // Keys of an invocation.
+        let keys = |lanes: f64| v / (f64::from(self.sharing.sort_blocks) * lanes);
         if stage == "radix_count" {
             // Stage `project` counts the first digit.
             let bytes = later * (4.0 * v + self.table());
-            let (flops, chain) = (20.0 * later * v, later * share);
+            let (flops, chain) = (20.0 * later * v, later * keys(128.0));
             return Work { bytes, flops, chain, dispatches: later };
         }
-        let [counters, waits] = self.sharing.digit();
+        let ([counters, waits], lanes) = (self.sharing.digit(), self.sharing.scatter_lanes);
         let blocks = f64::from(self.sharing.sort_blocks);
         // The first pass makes its values, the last writes no keys.
         let moved = 4.0 * n + 8.0 * v + 16.0 * later * v - 4.0 * v;
         Work {
             bytes: moved + passes * counters * self.table(),
             flops: passes * (40.0 * v + 2.0 * counters * blocks * c.digits),
-            chain: passes * (share + waits * c.digits / 32.0),
+            // It counts its keys and moves them, four at a time.
+            chain: passes * (2.0 * keys(lanes) / 4.0 + waits * c.digits / lanes),
             dispatches: passes,
         }
     }
@@ -203,7 +212,7 @@ impl Cost<'_> {
         let c = self.counts;
         let table = 4.0 * self.sharing.bin_blocks * c.tiles;
         let share = 2.0 * c.visible / (self.sharing.bin_blocks * 32.0);
-        let bands = c.bands(self.sharing.bin_table);
+        let bands = c.bands(self.sharing);
         let read = bands * 28.0 * c.visible;
         let flops = bands * 40.0 * c.visible + 45.0 * c.rows;
         let (bytes, flops, chain) = match stage {
@@ -251,10 +260,10 @@ impl Cost<'_> {
                 c.visible * (700.0 + 24.0 * c.coefficients),
                 4.0,
             ),
-            // Eight invocations per sum.
+            // Eight invocations per sum, eight loads at a time.
             "reduce" | "solve" => {
                 let sums = f64::from(SUMS) * c.tiles;
-                (4.0 * sums, sums, c.tiles / 8.0)
+                (4.0 * sums, sums, c.tiles / 64.0)
             }
             // Bytes of the whole frame, whatever the level; floats of the level.
             "pyramid" => (3.0 * c.frame_pixels + 12.0 * c.pixels, 3.0 * c.frame_pixels, 1.0),

@@ -53,17 +53,19 @@ fn without(module: &modules::Module, nth: usize) -> Option<Module> {
     without_barrier(module.spirv, nth).map(|spirv| Module::new(&spirv).unwrap())
 }
 
+/// So many that each subgroup loads keys twice.
+const KEYS: u32 = 3_000;
+
 /// Scatters keys by their only digit, as in the first pass of a sort.
 fn scatter(module: &Module, subgroup: u32, seed: u64) -> Result<Vec<u32>, Error> {
-    const KEYS: u32 = 700;
     const LOG_BLOCKS: u32 = 2;
     const BITS: u32 = 5;
     let keys: Vec<u32> = (0..KEYS).map(|i| i * i % 29).collect();
     let table = BlockTable::new(1 << BITS, LOG_BLOCKS, 0, DIGITS);
     let mut histogram = vec![0; table.words() as usize];
-    // Blocks of 128 and more: all keys are in the first ones.
+    // Blocks of whole steps: the last one has fewer keys.
     for (i, key) in (0..).zip(&keys) {
-        histogram[table.cell(i / 256, *key) as usize] += 1;
+        histogram[table.cell(i / 768, *key) as usize] += 1;
     }
     let none = vec![0; KEYS as usize];
     let mut buffers = [vec![0, 0, BITS], histogram, keys, none.clone(), none.clone(), none];
@@ -76,7 +78,7 @@ fn scatter(module: &Module, subgroup: u32, seed: u64) -> Result<Vec<u32>, Error>
 
 #[test]
 fn a_barrier_taken_from_the_sort_is_missed() {
-    let mut sorted: Vec<u32> = (0..700).map(|i| i * i % 29).collect();
+    let mut sorted: Vec<u32> = (0..KEYS).map(|i| i * i % 29).collect();
     sorted.sort();
     let forms = [
         (modules::radix_scatter_wave16, 16),
@@ -103,12 +105,16 @@ fn a_barrier_taken_from_the_sort_is_missed() {
 fn a_form_for_other_subgroups_is_missed() {
     let module = Module::new(modules::radix_scatter_wave64.spirv).unwrap();
     let fault = scatter(&module, 32, 1).unwrap_err();
-    assert!(matches!(fault, Error::InactiveLane { lane: 63, .. } | Error::Race { .. }), "{fault}");
+    let is_missed = matches!(
+        fault,
+        Error::InactiveLane { lane: 63, .. } | Error::Race { .. } | Error::Unwritten { .. }
+    );
+    assert!(is_missed, "{fault}");
 }
 
 #[test]
 fn a_buffer_that_is_too_short_is_named() {
-    let module = Module::new(modules::radix_count_wave32.spirv).unwrap();
+    let module = Module::new(modules::radix_count.spirv).unwrap();
     let words = BlockTable::new(TABLE, 0, 0, DIGITS).words() as usize;
     let run = |keys: usize| {
         let push = [0, 1, 0, 300];
@@ -120,7 +126,7 @@ fn a_buffer_that_is_too_short_is_named() {
         Some(Error::OutOfBounds { place, memory, index }) => {
             assert_eq!((memory.as_str(), index), ("binding 1", 290));
             let named = (place.entry.as_str(), place.instruction.as_str());
-            assert_eq!(named, ("radix::radix_count_wave32", "OpLoad"));
+            assert_eq!(named, ("radix::radix_count", "OpLoad"));
         }
         other => panic!("{other:?}"),
     }

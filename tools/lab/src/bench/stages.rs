@@ -1,7 +1,7 @@
 //! The device's time by stage, with the bytes and operations that a model counts, and the best
 //! rates of the device.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use nvsprior::packet::QuantisedPose;
@@ -205,6 +205,7 @@ fn counts(
 fn alone(context: &Context, job: Job, runs: Runs) -> anyhow::Result<Vec<StageTime>> {
     let Shot { camera, picture, .. } = &context.shots[0];
     let pose = context.best[0].pose;
+    let warm_up = ceilings::warm_up(context.engine.device());
     let jacobians = match job {
         Job::Sums(jacobian) => vec![jacobian],
         _ => vec![Jacobian::Flow],
@@ -214,7 +215,7 @@ fn alone(context: &Context, job: Job, runs: Runs) -> anyhow::Result<Vec<StageTim
     renderer.set_picture(picture);
     renderer.reduce_picture()?;
     let mut render = picture.clone();
-    times(runs, || {
+    times(warm_up, runs, || {
         match job {
             Job::Sums(jacobian) => renderer.normal_equations(0, jacobian, &pose).map(|_| ())?,
             _ => renderer.picture(&pose, &mut render)?,
@@ -240,8 +241,9 @@ fn search(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     let shot = &context.shots[last];
     let renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;
     let mut tracker = Tracker::new(Objective::new(renderer), refine, threshold, profile);
+    let warm_up = ceilings::warm_up(context.engine.device());
     let mut renders = Vec::new();
-    let times = times(runs, || {
+    let times = times(warm_up, runs, || {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
             tracker.keep(&PoseEstimate::known(*pose, 10f64.powf(-0.1 * psnr)));
@@ -300,8 +302,9 @@ pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     let schedule = Schedule { first_level: 0, follow_level: 0, levels: 1, renders: NEARBY, ..warm };
     let starts = [renderer.placed(&code)];
     let program = schedule.program(renderer.levels(), starts, damping, profile.word());
+    let warm_up = ceilings::warm_up(context.engine.device());
     let mut evaluations = 0;
-    let times = times(runs, || {
+    let times = times(warm_up, runs, || {
         evaluations = renderer.search(&program)?.search.by_level[0];
         Ok(renderer.stage_times(Job::Search)?)
     })?;
@@ -311,12 +314,17 @@ pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     Ok(Search { times, levels: vec![level], commands })
 }
 
-/// Times over runs. The first run does not count: drivers finish their work at first use.
+/// Times over runs, after a warm-up. The first run never counts: drivers finish their work at first use.
 fn times(
+    warm_up: Duration,
     runs: Runs,
     mut run: impl FnMut() -> anyhow::Result<Vec<StageTime>>,
 ) -> anyhow::Result<Vec<StageTime>> {
+    let start = Instant::now();
     run()?;
+    while start.elapsed() < warm_up {
+        run()?;
+    }
     let mut all: Vec<Vec<StageTime>> = Vec::new();
     while runs.goes_on(all.len() as u32) {
         let mut sums = Vec::new();

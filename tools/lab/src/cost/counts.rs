@@ -8,6 +8,8 @@ use nvsprior_kernels::shared::{
     ALPHA_MIN, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, sh_coefficients, sh_planes,
 };
 
+use super::Sharing;
+
 /// The amounts of a render at one pose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
@@ -38,9 +40,10 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Bands of whole rows that are binned by themselves, of at most `table` tiles each.
-    pub fn bands(&self, table: f64) -> f64 {
-        (self.tiles / self.tiles_x / (table / self.tiles_x).floor()).ceil()
+    /// Bands of whole rows of tiles that are binned by themselves.
+    pub fn bands(&self, sharing: &Sharing) -> f64 {
+        let rows = (sharing.bin_table / self.tiles_x).floor().min(sharing.band_rows);
+        (self.tiles / self.tiles_x / rows).ceil()
     }
 
     /// Counts a prior's render that left `stages`, if only one of 2^`row_shift` rows of tiles were drawn. `camera` is

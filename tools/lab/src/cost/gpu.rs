@@ -140,26 +140,27 @@ impl Rounds {
             }
             "radix_scatter" => {
                 let keys = c.splats + (passes - 1.0) * c.visible;
-                // The work's loop adds up the counts of a digit. Beside it is the loop over the keys.
-                let work = passes * table;
-                let [_, waits] = cost.sharing.digit();
-                let (around, beside, waits) = (vec![work], Some(keys), waits + keys / work);
-                let dispatches = passes;
-                Rounds { workgroups: blocks, dispatches, work, around, beside, waits, ..one }
+                // A round moves four keys. Beside its loop, others go over the keys and over the counts of the digits,
+                // four at a time.
+                let (work, beside) = (keys / 4.0, Some(keys.max(passes * table) / 4.0));
+                let [_, digit] = cost.sharing.digit();
+                // The keys twice, and the counts.
+                let waits = 2.0 + passes * table * digit / work;
+                Rounds { workgroups: blocks, dispatches: passes, work, beside, waits, ..one }
             }
             "bin_scan" => {
                 let (work, around) = (bins * c.tiles / 16.0, vec![c.tiles]);
                 Rounds { work, around, waits: SCANS, ..one }
             }
             "bin_count" => {
-                let bands = c.bands(cost.sharing.bin_table);
+                let bands = c.bands(cost.sharing);
                 let splats = bands * c.visible;
                 let (work, around) = (rounded_up(c.rows, splats), vec![splats]);
                 let (beside, waits) = (Some(bins * c.tiles), 2.0 * splats / work);
                 Rounds { workgroups: bins * bands, work, around, beside, waits, ..one }
             }
             "bin_emit" => {
-                let bands = c.bands(cost.sharing.bin_table);
+                let bands = c.bands(cost.sharing);
                 let splats = bands * c.visible;
                 let rows = rounded_up(c.rows, splats);
                 let (work, around) = (rounded_up(c.pairs, rows), vec![splats, rows]);
@@ -170,9 +171,9 @@ impl Rounds {
             }
             // A GPU's subgroups stop when all pixels of a tile are finished.
             "splat" | "splat_colour" | "splat_flow" => blend(c.blended[0]),
-            "quantize_rgb8" => Rounds { workgroups: c.pixels / lanes, ..one },
-            // Eight rows of invocations add up the tiles' sums.
-            "solve" => Rounds { chain: c.tiles / 8.0, ..one },
+            "quantize_rgb8" => Rounds { workgroups: 3.0 * c.pixels / 4.0 / lanes, ..one },
+            // Eight rows of invocations add up the tiles' sums, eight at a time.
+            "solve" => Rounds { chain: c.tiles / 64.0, ..one },
             _ => return None,
         })
     }
@@ -360,7 +361,7 @@ mod tests {
         // Columns of a table, with the work's loop and one of 256 rounds inside.
         let inner = vec![a_loop(None, 4.0, vec![]), a_loop(Some(256), 5.0, vec![])];
         let scan = row("bin_scan", 256, vec![a_loop(None, 1.0, inner)]);
-        let lanes = 1024.0 * (1.0 + 5.0 * 256.0) + 128.0 * 1024.0 / 16.0 * 4.0;
+        let lanes = 1024.0 * (1.0 + 5.0 * 256.0) + Sharing::GPU.bin_blocks * 1024.0 / 16.0 * 4.0;
         // Each of four schedulers has two of its eight subgroups, which wait for results half of the time.
         let expected = lanes / 32.0 / (4.0 * 0.5) / 1e9;
         assert!((times(&scan).issue / expected - 1.0).abs() < 1e-9);

@@ -42,7 +42,34 @@ pub const ORIN_NX: KnownGpu = KnownGpu {
     },
 };
 
-const ALL: [KnownGpu; 1] = [ORIN_NX];
+/// H100 SXM, to hold the model against a measured device: docs/latency.md. Published (NVIDIA H100 data sheet; CUDA C++
+/// Programming Guide, compute capability 9.0): 66.9 TFLOP/s, 3.35 TB/s, and what a multiprocessor holds. Assumed: as for
+/// the Orin NX, the shares of these rates, and cycles until a result or a load is there.
+const H100: KnownGpu = KnownGpu {
+    part_of_name: "H100",
+    machine: Machine {
+        name: "H100",
+        flops: 0.9 * 66.9e12,
+        bytes: 0.65 * 3.35e12,
+        latency: 300.0 / 1.98e9,
+        dispatch: 5e-6,
+        sharing: Sharing::GPU,
+    },
+    gpu: Gpu {
+        multiprocessors: 132.0,
+        schedulers: 4.0,
+        clock: 1.98e9,
+        subgroups: 64.0,
+        workgroups: 32.0,
+        registers: 65_536.0,
+        shared_bytes: 228.0 * 1024.0,
+        load: 300.0,
+        shared_load: 30.0,
+        transcendental: 8.0,
+    },
+};
+
+const ALL: [KnownGpu; 2] = [ORIN_NX, H100];
 
 /// Invocations of a subgroup of all known GPUs.
 pub const SUBGROUP: u32 = 32;

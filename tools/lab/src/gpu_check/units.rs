@@ -14,14 +14,14 @@ pub struct Unit {
 const PIXELS: Unit = pixels(ROWS);
 const KEY: Unit = Unit { name: "key", per_round: 1 };
 const PAIR: Unit = Unit { name: "pair of splat and tile", per_round: 1 };
-/// Eight blocks' counts of a digit are added up at a time.
-const COUNT: Unit = Unit { name: "count of a digit", per_round: 8 };
+/// The forms for waves move four keys at a time.
+const KEYS: Unit = Unit { per_round: 4, ..KEY };
 /// The scan loads four counters at a time.
 const COUNTER: Unit = Unit { name: "counter", per_round: 16 };
 const SPLAT: Unit = Unit { name: "splat", per_round: 1 };
 const ROW: Unit = Unit { name: "row of tiles of a splat", per_round: 1 };
-/// A tile's share of a sum.
-const SUM: Unit = Unit { name: "sum of a tile", per_round: 1 };
+/// A tile's share of a sum, eight at a time.
+const SUM: Unit = Unit { name: "sum of a tile", per_round: 8 };
 const FRAME_PIXEL: Unit = Unit { name: "pixel of the frame", per_round: 1 };
 const ROUND: Unit = Unit { name: "round", per_round: 1 };
 
@@ -31,6 +31,10 @@ const fn pixels(per_round: u32) -> Unit {
 
 /// Splats that the forms for waves blend in a round: `LOOK` of `shaders-rs/stages/src/blend.rs`.
 pub const SPLATS_PER_ROUND: u32 = 4;
+
+/// Rounds of a loop over the bits of a number, which ranks a subgroup's invocations: those of the reef's digits, and one
+/// for no digit. Tiles of a band take fewer.
+pub const BITS: u32 = 11;
 
 /// A module's name without its form, and the subgroup size if it is a form for waves.
 pub fn form(module: &str) -> (&str, Option<u32>) {
@@ -50,7 +54,8 @@ pub fn unit(module: &str) -> Option<Unit> {
         "project" => SPLAT,
         "splat" | "splat_flow" | "splat_exact" | "splat_backward" => PIXELS,
         "radix_count" => KEY,
-        "radix_scatter" => COUNT,
+        "radix_scatter" if wave.is_some() => KEYS,
+        "radix_scatter" => KEY,
         "bin_scan" => COUNTER,
         "bin_count" => ROW,
         "bin_emit" => PAIR,

@@ -3,7 +3,7 @@
 
 use nvsprior::{Prior, RenderOptions};
 use nvsprior_emulator::{Error, without_barrier};
-use nvsprior_kernels::modules::Module;
+use nvsprior_kernels::modules::{self, Module};
 
 use crate::chain::{Chain, FORMS, Form, Settings, View};
 use crate::common::{camera, random_frame, random_pose, random_splats};
@@ -48,24 +48,24 @@ fn a_barrier_that_is_taken_is_missed() {
     let prior = prior();
     let view = View::new(&prior, camera(24, 17), random_pose(170));
     for form in FORMS.into_iter().filter(|form| form.wave) {
-        let modules = form.modules();
+        let forms = form.modules();
         for (module, needed) in [
-            (modules.radix_count, &[0, 1][..]),
-            (modules.radix_scatter, &[0, 1, 2]),
-            (modules.bin_scan, &[0]),
-            (modules.bin_emit, &[3, 4]),
-            (modules.splat, &[0, 1]),
-            (modules.splat_flow, &[0, 1]),
+            (modules::radix_count, &[0, 1][..]),
+            (forms.radix_scatter, &[0, 1, 2]),
+            (forms.bin_scan, &[0]),
+            (forms.bin_emit, &[3, 4]),
+            (forms.splat, &[0, 1]),
+            (forms.splat_flow, &[0, 1]),
         ] {
             for nth in needed {
                 let spirv = without_barrier(module.spirv, *nth).expect("a barrier");
                 assert_missed(&view, form, &module, spirv, &format!("barrier {nth}"));
             }
         }
-        let mut spirv = modules.bin_count.spirv.to_vec();
+        let mut spirv = forms.bin_count.spirv.to_vec();
         while let Some(fewer) = without_barrier(&spirv, 0) {
             spirv = fewer;
         }
-        assert_missed(&view, form, &modules.bin_count, spirv, "all barriers");
+        assert_missed(&view, form, &forms.bin_count, spirv, "all barriers");
     }
 }

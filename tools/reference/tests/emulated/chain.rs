@@ -13,8 +13,8 @@ use nvsprior_emulator::{Dispatch, Error, Module};
 use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::modules;
 use nvsprior_kernels::shared::{
-    CULLED, DIGITS, GEOMETRY_PLANES, Groups, PIXEL, Params, RECORD, SUMS, TABLE, digit_bits,
-    sh_coefficients, sh_planes, tiles_per_group,
+    BIN_TABLE, CULLED, DIGITS, GEOMETRY_PLANES, Groups, PIXEL, Params, RECORD, SUMS, TABLE,
+    digit_bits, sh_coefficients, sh_planes, tiles_per_group,
 };
 
 /// What nobody has written yet.
@@ -38,7 +38,6 @@ pub const FORMS: [Form; 4] = [
 
 /// The modules that differ between forms.
 pub struct FormModules {
-    pub radix_count: modules::Module,
     pub radix_scatter: modules::Module,
     pub bin_count: modules::Module,
     pub bin_scan: modules::Module,
@@ -48,9 +47,8 @@ pub struct FormModules {
 }
 
 macro_rules! form_modules {
-    ($count:ident $scatter:ident $bin_count:ident $bin_scan:ident $bin_emit:ident $splat:ident $splat_flow:ident) => {
+    ($scatter:ident $bin_count:ident $bin_scan:ident $bin_emit:ident $splat:ident $splat_flow:ident) => {
         FormModules {
-            radix_count: modules::$count,
             radix_scatter: modules::$scatter,
             bin_count: modules::$bin_count,
             bin_scan: modules::$bin_scan,
@@ -64,13 +62,13 @@ macro_rules! form_modules {
 impl Form {
     pub fn modules(self) -> FormModules {
         match (self.wave, self.subgroup) {
-            (true, 16) => form_modules!(radix_count_wave16 radix_scatter_wave16 bin_count_wave16
+            (true, 16) => form_modules!(radix_scatter_wave16 bin_count_wave16
                 bin_scan_wave16 bin_emit_wave16 splat_wave16 splat_flow_wave16),
-            (true, 32) => form_modules!(radix_count_wave32 radix_scatter_wave32 bin_count_wave32
+            (true, 32) => form_modules!(radix_scatter_wave32 bin_count_wave32
                 bin_scan_wave32 bin_emit_wave32 splat_wave32 splat_flow_wave32),
-            (true, 64) => form_modules!(radix_count_wave64 radix_scatter_wave64 bin_count_wave64
+            (true, 64) => form_modules!(radix_scatter_wave64 bin_count_wave64
                 bin_scan_wave64 bin_emit_wave64 splat_wave64 splat_flow_wave64),
-            _ => form_modules!(radix_count radix_scatter bin_count bin_scan bin_emit splat
+            _ => form_modules!(radix_scatter bin_count bin_scan bin_emit splat
                 splat_flow),
         }
     }
@@ -200,7 +198,7 @@ impl<'a> Chain<'a> {
             pair_capacity: settings.room,
             sort_blocks: 1 << settings.log_sort_blocks,
             bin_blocks: 1 << settings.log_bin_blocks,
-            band_rows: TABLE / view.drawn.params.tiles_x,
+            band_rows: BIN_TABLE / view.drawn.params.tiles_x,
             tiles_per_group: settings.form.tiles_per_group(),
             ..view.drawn.params.with_rows(settings.row_shift)
         };
@@ -315,7 +313,7 @@ impl<'a> Chain<'a> {
             let values_out = if digit + 1 < DIGITS { out[1] } else { "order" };
             let push = [digit, (digit == first_digit).into(), log_sort_blocks, count];
             if digit > first_digit || !counted {
-                self.run(&form.radix_count, groups, &push, &["counters", keys, "histogram"]);
+                self.run(&modules::radix_count, groups, &push, &["counters", keys, "histogram"]);
             }
             let names = ["counters", "histogram", keys, values, out[0], values_out];
             self.run(&form.radix_scatter, groups, &push, &names);

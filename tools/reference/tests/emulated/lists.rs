@@ -1,7 +1,7 @@
 //! The depth order and the lists of tiles in all forms, against the twin.
 
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
-use nvsprior_kernels::shared::{CULLED, TABLE};
+use nvsprior_kernels::shared::{BIN_TABLE, CULLED};
 use nvsprior_reference::{Twin, bin, radix};
 
 use crate::chain::{Chain, FORMS, Form, Settings, UNSET, View};
@@ -113,7 +113,7 @@ fn some_rows_of_tiles() {
 #[test]
 fn several_bands() {
     let camera = Camera { height: 52, cy: 26.0, ..camera(4_000, 52) };
-    assert!(camera.height.div_ceil(8) > TABLE / camera.width.div_ceil(8), "a border of bands");
+    assert!(camera.height.div_ceil(8) > BIN_TABLE / camera.width.div_ceil(8), "a border of bands");
     let prior = random_prior(117, 30, 0);
     assert_forms(&prior, camera, random_pose(117), |form| Settings {
         room: 1 << 17,

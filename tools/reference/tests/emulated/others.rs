@@ -63,7 +63,7 @@ fn quantize_rgb8() {
     chain.set("render", &vec![u32::MAX; room]);
     chain.set("difference", &vec![u32::MAX; room]);
     let names = ["params", "image", "render", "frame bytes", "difference"];
-    chain.run(&modules::quantize_rgb8, Groups::of(&chain.params).quads, &[1], &names);
+    chain.run(&modules::quantize_rgb8, Groups::of(&chain.params).byte_words, &[1], &names);
     assert!(chain.get::<u8>("render")[..3 * pixels] == view.drawn.rgb8);
     let render = Picture { data: view.drawn.rgb8.clone(), ..frame.clone() };
     let expected = residual::difference(&frame, &render).data;
