@@ -7,16 +7,24 @@ use crate::shared::{BIN_TABLE, LOCKSTEP_TABLE};
 use crate::vulkan::{Code, Device, DeviceInfo, DeviceKind, Error, Kernel};
 
 /// Logarithm, base 2, of the number of workgroups that share the sort of `splats` splats. A CPU needs a few workgroups
-/// per core, a GPU needs many. But each further one costs a row of counters, and each reads those of all others.
-/// Measured on a GPU: docs/latency.md.
+/// per core, a GPU needs many. But each further one costs a row of counters, and each reads those of all others. An
+/// integrated GPU has few multiprocessors and little bandwidth, so it gets half as many: docs/latency.md.
 pub(crate) fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
-    let least = if device.kind == DeviceKind::Cpu { 3 } else { 6 };
+    let least = match device.kind {
+        DeviceKind::Cpu => 3,
+        DeviceKind::IntegratedGpu => 5,
+        _ => 6,
+    };
     by_splats(splats).clamp(least, 7)
 }
 
 /// The same for binning, whose workgroups have more to do for each splat; at least 2.
 pub(crate) fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
-    let least = if device.kind == DeviceKind::Cpu { 4 } else { 8 };
+    let least = match device.kind {
+        DeviceKind::Cpu => 4,
+        DeviceKind::IntegratedGpu => 7,
+        _ => 8,
+    };
     by_splats(splats).clamp(least, 8)
 }
 

@@ -1,6 +1,6 @@
 //! Measures how near the stages come to what the device can do, and to the same stages written by
 //! hand in GLSL (`glsl/`): `cargo bench -p nvsprior-lab`. Uses the reef if its data lies beside the
-//! project, else the tests' wall. `-- orin` only predicts what a Jetson Orin takes.
+//! project, else the tests' wall. `-- orin` only predicts what a Jetson Orin takes, and an H100.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -24,8 +24,8 @@ use nvsprior_kernels::shared::{
 use nvsprior_lab::ceilings::{self, Ceilings, Clock};
 
 use nvsprior_lab::cost::{
-    Cost, Counts, FLOW_FLOPS, Machine, ORIN_NX, PICTURE_FLOPS, PICTURE_PASSES, SEARCH_PASSES,
-    Sharing, Work,
+    Cost, Counts, FLOW_FLOPS, H100, KnownGpu, Machine, ORIN_NX, PICTURE_FLOPS, PICTURE_PASSES,
+    SEARCH_PASSES, Sharing, Work,
 };
 use nvsprior_lab::gpu_check::Row;
 
@@ -312,9 +312,10 @@ const ORIN: Machine = ORIN_NX.machine;
 /// The report of `make gpu-check`, from the project's folder.
 const GPU_CHECK: &str = "../../target/gpu-check/report.json";
 
-/// Prints what a Jetson Orin should take for the stages of a picture, or of an evaluation: by operations, and by what a
-/// compiler makes of the stages.
-fn predict(c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
+/// Prints what a GPU should take for the stages of a picture, or of an evaluation: by operations, and by what a compiler
+/// makes of the stages.
+fn predict(gpu: &KnownGpu, c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
+    let machine = &gpu.machine;
     const BLENDED: [(&str, &str); 6] = [
         ("project", "project"),
         ("radix", "radix_count"),
@@ -329,17 +330,17 @@ fn predict(c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
         true => ("evaluation", SEARCH_PASSES, EVALUATION_ENDS.as_slice()),
         false => ("picture", PICTURE_PASSES, PICTURE_ENDS.as_slice()),
     };
-    println!("  {name} on {}, us: by operations; by the compiled stages", ORIN.name);
-    let cost = Cost { counts: c, sharing: &ORIN.sharing, passes };
+    println!("  {name} on {}, us: by operations; by the compiled stages", machine.name);
+    let cost = Cost { counts: c, sharing: &machine.sharing, passes };
     let mut total = [0.0; 2];
     let mut part_before = "";
     for (part, stage) in BLENDED.iter().chain(ends) {
         if *part != part_before {
-            let old = ORIN.seconds(&work(part, c, &ORIN, passes)) * 1e6;
+            let old = machine.seconds(&work(part, c, machine, passes)) * 1e6;
             println!("    {part}: {old:.0}");
             (part_before, total[0]) = (part, total[0] + old);
         }
-        let Some(times) = ORIN_NX.times(rows, stage, &cost)? else { continue };
+        let Some(times) = gpu.times(rows, stage, &cost)? else { continue };
         let new = times.seconds() * 1e6;
         let [issue, memory, latency, dispatches] =
             [times.issue, times.memory, times.latency, times.dispatches].map(|s| s * 1e6);
@@ -351,7 +352,8 @@ fn predict(c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a Jetson Orin should take for the levels of a prior.
+/// What a Jetson Orin should take for the levels of a prior, and an H100 for the first, where the model can be held
+/// against docs/latency.md.
 fn orin(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(GPU_CHECK);
     let Ok(text) = std::fs::read_to_string(file) else {
@@ -363,11 +365,14 @@ fn orin(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
     for (level, factor) in [1, 2, 4].into_iter().enumerate() {
         let view = LevelView::new(engine, seen, factor)?;
         println!("level {level}");
-        predict(&view.counts(seen, 0), false, &rows)?;
-        predict(&view.counts(seen, 0), true, &rows)?;
+        let whole = view.counts(seen, 0);
+        predict(&ORIN_NX, &whole, false, &rows)?;
+        predict(&ORIN_NX, &whole, true, &rows)?;
         if level == 0 {
+            predict(&H100, &whole, false, &rows)?;
+            predict(&H100, &whole, true, &rows)?;
             println!("every second row of tiles");
-            predict(&view.counts(seen, 1), true, &rows)?;
+            predict(&ORIN_NX, &view.counts(seen, 1), true, &rows)?;
         }
     }
     Ok(())

@@ -16,7 +16,7 @@ use nvsprior_kernels::shared::{BIN_TABLE, DIGITS, SUMS};
 
 pub use counts::Counts;
 pub use gpu::{Gpu, Times, is_modelled};
-pub use known::{KnownGpu, ORIN_NX, SUBGROUP, compiled_rows};
+pub use known::{H100, KnownGpu, ORIN_NX, SUBGROUP, compiled_rows};
 
 /// Passes of a picture's sort, and of that of an evaluation nobody sees.
 pub const PICTURE_PASSES: u32 = DIGITS;
@@ -63,16 +63,19 @@ pub struct Sharing {
 }
 
 impl Sharing {
-    /// As GPUs have it, with as many workgroups as small priors take.
+    /// As integrated GPUs have it, with as many workgroups as small priors take.
     pub const GPU: Sharing = Sharing {
-        sort_blocks: 64,
-        bin_blocks: 256.0,
+        sort_blocks: 32,
+        bin_blocks: 128.0,
         bin_table: BIN_TABLE as f64,
         band_rows: 6.0,
         scatter_lanes: 128.0,
         scan_lanes: 256.0,
         column: [4.0, 4.0],
     };
+
+    /// As other GPUs have it.
+    pub const LARGE_GPU: Sharing = Sharing { sort_blocks: 64, bin_blocks: 256.0, ..Sharing::GPU };
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {

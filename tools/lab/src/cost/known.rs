@@ -45,7 +45,7 @@ pub const ORIN_NX: KnownGpu = KnownGpu {
 /// H100 SXM, to hold the model against a measured device: docs/latency.md. Published (NVIDIA H100 data sheet; CUDA C++
 /// Programming Guide, compute capability 9.0): 66.9 TFLOP/s, 3.35 TB/s, and what a multiprocessor holds. Assumed: as for
 /// the Orin NX, the shares of these rates, and cycles until a result or a load is there.
-const H100: KnownGpu = KnownGpu {
+pub const H100: KnownGpu = KnownGpu {
     part_of_name: "H100",
     machine: Machine {
         name: "H100",
@@ -53,7 +53,7 @@ const H100: KnownGpu = KnownGpu {
         bytes: 0.65 * 3.35e12,
         latency: 300.0 / 1.98e9,
         dispatch: 5e-6,
-        sharing: Sharing::GPU,
+        sharing: Sharing::LARGE_GPU,
     },
     gpu: Gpu {
         multiprocessors: 132.0,

@@ -7,7 +7,7 @@ use nvsprior_kernels::modules;
 use serde::{Deserialize, Serialize};
 
 use super::assembly::{Assembly, Instructions, Loop, work_loop};
-use super::units::{BITS, unit, workers};
+use super::units::{ranking_rounds, unit, workers};
 
 /// Subgroups that a SIMD of RDNA 2 holds at most, as RADV counts them.
 const SUBGROUPS_PER_SIMD: f64 = 32.0;
@@ -94,13 +94,13 @@ fn variant(priors: &[PipelineKey]) -> String {
     }
 }
 
-/// These loops, with the rounds of those that rank invocations by the bits of a number: they load and store nothing.
-fn ranking(loops: Vec<Loop>) -> Vec<Loop> {
+/// These loops, with the rounds of those that rank invocations: they load and store nothing.
+fn ranking(loops: Vec<Loop>, rounds: Option<u32>) -> Vec<Loop> {
     let of = |l: Loop| {
         let Instructions { memory, shared, scalar_loads, .. } = l.own;
         let ranks = l.inner.is_empty() && memory + shared + scalar_loads == 0.0;
-        let rounds = l.rounds.or(ranks.then_some(BITS));
-        Loop { rounds, inner: ranking(l.inner), ..l }
+        let own = if ranks { rounds } else { None };
+        Loop { rounds: l.rounds.or(own), inner: ranking(l.inner, rounds), ..l }
     };
     loops.into_iter().map(of).collect()
 }
@@ -127,7 +127,7 @@ impl Row {
             count == instructions as usize,
             "{count} instructions were read, the driver tells {instructions}"
         );
-        let loops = ranking(assembly.loops());
+        let loops = ranking(assembly.loops(), ranking_rounds(module));
         let unit = unit(module);
         let work = unit.zip(work_loop(&loops));
         let per_unit = work.map(|(unit, l)| l.round() * (1.0 / f64::from(unit.per_round)));

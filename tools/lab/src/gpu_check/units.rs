@@ -32,9 +32,11 @@ const fn pixels(per_round: u32) -> Unit {
 /// Splats that the forms for waves blend in a round: `LOOK` of `shaders-rs/stages/src/blend.rs`.
 pub const SPLATS_PER_ROUND: u32 = 4;
 
-/// Rounds of a loop over the bits of a number, which ranks a subgroup's invocations: those of the reef's digits, and one
-/// for no digit. Tiles of a band take fewer.
-pub const BITS: u32 = 11;
+/// Rounds of the loops in which a module ranks a subgroup's invocations, one for each bit of a number: those of the
+/// reef's digits, and one for no digit. Tiles of a band take fewer.
+pub fn ranking_rounds(module: &str) -> Option<u32> {
+    matches!(form(module), ("radix_scatter" | "bin_emit", Some(_))).then_some(11)
+}
 
 /// A module's name without its form, and the subgroup size if it is a form for waves.
 pub fn form(module: &str) -> (&str, Option<u32>) {
