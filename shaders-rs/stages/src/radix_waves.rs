@@ -1,5 +1,5 @@
-//! Stage `radix_scatter` for full subgroups: each subgroup of a workgroup moves a part of the block's keys by itself. So
-//! many loads are under way at once, and a barrier of the workgroup is rare.
+//! Stage `radix_scatter` for full subgroups: each subgroup of a workgroup moves a part of the block's keys by itself.
+//! So many loads are under way at once, and a barrier of the workgroup is rare.
 
 use crate::block_table::BlockTable;
 use crate::counters::four_before;
@@ -149,8 +149,8 @@ fn starts<const SUBGROUP: u32>(
     all_before
 }
 
-/// Moves the keys and values of a subgroup to their places. `range_start`: invocation k knows the place of the first key
-/// of the k-th range of digits.
+/// Moves the keys and values of a subgroup to their places. `range_start`: invocation k knows the place of the first
+/// key of the k-th range of digits.
 #[allow(clippy::too_many_arguments)]
 fn place_keys<const SUBGROUP: u32>(
     who: Who<SUBGROUP>,

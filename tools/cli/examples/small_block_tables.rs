@@ -3,10 +3,11 @@
 //!     cargo run --release -p nvsprior-cli --example small_block_tables -- OUT.nvt START ROUNDS PRIOR CAMERAS SPLIT
 //!         [PRIOR …] [measure PRIOR CAMERAS SPLIT …]
 //!
-//! START: `library` begins with the library's tables, `nothing` with random ones, as what a set of runs brings can only be
-//! seen without it. Frames are varied in light, silt and more; shorter runs are coded more often. A run that is named
-//! twice counts twice. A SPLIT of `-` stands for all frames. Every eighth frame of each run is held out. Their bytes by
-//! the library's tables and by the trained ones are printed, and those of all frames of the runs behind `measure`.
+//! START: `library` begins with the library's tables, `nothing` with random ones, as what a set of runs brings can only
+//! be seen without it. Frames are varied in light, silt and more; shorter runs are coded more often. A run that is
+//! named twice counts twice. A SPLIT of `-` stands for all frames. Every eighth frame of each run is held out. Their
+//! bytes by the library's tables and by the trained ones are printed, and those of all frames of the runs behind
+//! `measure`.
 
 mod pairs;
 

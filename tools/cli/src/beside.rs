@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use nvsprior::Prior;
-use nvsprior::prior::{KeyFrames, PriorError, tables_file};
+use nvsprior::filter_weights::FilterWeights;
+use nvsprior::prior::{KeyFrames, PriorError, filter_file, tables_file};
 
 use crate::container::Container;
 
@@ -29,5 +30,19 @@ pub fn place_tables(prior: &Prior, container: Container, out: &Path) -> Result<(
     }
     tables_file::open(&beside)?;
     eprintln!("{}: takes precedence over the coder tables of the prior", beside.display());
+    Ok(())
+}
+
+/// Puts the weights of a prior's display filter beside a prior of the same scene. Without weights, those that an
+/// earlier run left there would be read with it: says so.
+pub fn place_filter(weights: Option<&FilterWeights>, out: &Path) -> Result<(), PriorError> {
+    let beside = filter_file::path_beside(out);
+    if let Some(weights) = weights {
+        return filter_file::save(weights, &beside);
+    }
+    if beside.exists() {
+        filter_file::open(&beside)?;
+        eprintln!("{}: its weights are used with the prior", beside.display());
+    }
     Ok(())
 }

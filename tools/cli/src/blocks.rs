@@ -3,15 +3,17 @@
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use nvsprior::Prior;
+use nvsprior::filter_weights::FilterWeights;
 use nvsprior::prior::blocked::{BlockedWriter, Extras, MAX_BLOCK};
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{KeyFrames, Splats};
 
 use crate::container::FINENESS;
-use crate::row;
+use crate::{beside, row};
 use nvsprior_inputs::args::{OverrideArgs, progress};
 use nvsprior_inputs::values;
 
@@ -50,9 +52,10 @@ fn blocked_file(text: &str) -> Result<PathBuf, String> {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &args.out)?;
     let parts = Parts::read(args)?;
+    beside::place_filter(parts.filter.as_deref(), &args.out)?;
     let quantisation = Quantisation::default().scaled(args.coarseness);
     let writer = BlockedWriter { quantisation, block: args.block as usize };
-    let Parts { splats, first, key_frames } = &parts;
+    let Parts { splats, first, key_frames, .. } = &parts;
     let extras = Extras {
         key_frames,
         coder_tables: first.coder_tables().map(AsRef::as_ref),
@@ -88,6 +91,8 @@ struct Parts {
     /// The first part: its options, preprocessing and coder tables are those of all.
     first: Prior,
     key_frames: KeyFrames,
+    /// The weights of the display filter, if all parts have the same.
+    filter: Option<Arc<FilterWeights>>,
 }
 
 impl Parts {
@@ -96,6 +101,7 @@ impl Parts {
         let first = open(&args.priors[0])?;
         let mut splats = first.splats().clone();
         let mut poses = first.key_frames().poses().to_vec();
+        let mut filter = first.filter_weights().cloned();
         for path in &args.priors[1..] {
             let part = open(path)?;
             let same = |what: &str, same: bool| {
@@ -109,7 +115,8 @@ impl Parts {
             same("degree of spherical harmonics", part.splats().sh_degree == splats.sh_degree)?;
             splats.append(&mut part.splats().clone());
             poses.extend(part.key_frames().poses());
+            filter = filter.filter(|weights| part.filter_weights() == Some(weights));
         }
-        Ok(Parts { splats, first, key_frames: KeyFrames::new(poses)? })
+        Ok(Parts { splats, first, key_frames: KeyFrames::new(poses)?, filter })
     }
 }

@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nvsprior::coder_tables::Tables;
-use nvsprior::prior::{KeyFrames, PriorFormat, compact, ply, replace_file, tables_file};
+use nvsprior::prior::{
+    KeyFrames, PriorFormat, compact, filter_file, ply, replace_file, tables_file,
+};
 use nvsprior::{Camera, Pose, Prior};
 
-use crate::{record, row};
+use crate::{beside, record, row};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
@@ -81,6 +83,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     replace_file(&out, &content)?;
     if let Kind::Ply | Kind::Compact = kind {
         record::carry((&args.prior, &prior), &out)?;
+        beside::place_filter(filter_file::open_beside(&args.prior)?.as_ref(), &out)?;
         if let Some(tables) = &tables {
             tables_file::save(tables, &tables_file::path_beside(&out))?;
         }

@@ -54,6 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         merged.preprocessing(),
     )?;
     beside::place_tables(&merged, container, &args.out)?;
+    beside::place_filter(prior.filter_weights().map(AsRef::as_ref), &args.out)?;
     replace_file(&args.out, &bytes)?;
     // A compact file is quantised, which makes it another prior once more.
     let written = Prior::open(&args.out, &Default::default())?;

@@ -5,11 +5,11 @@ mod gain;
 use std::path::{Path, PathBuf};
 
 use crate::mapping_run::MappingRunArgs;
-use crate::{record, row};
+use crate::{beside, record, row};
 use anyhow::Context as _;
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
-use nvsprior::prior::{PriorFormat, compact, replace_file, tables_file};
+use nvsprior::prior::{PriorFormat, compact, filter_file, replace_file, tables_file};
 use nvsprior_inputs::args::{PriorArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
@@ -62,6 +62,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     replace_file(&out, &content)?;
     if let Kind::Compact = kind {
         record::carry((path, &prior), &out)?;
+        beside::place_filter(filter_file::open_beside(path)?.as_ref(), &out)?;
     }
     gain::print(&run.held_out, &tables);
     row("written", format!("{}, {} bytes", out.display(), content.len()));

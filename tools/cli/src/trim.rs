@@ -97,6 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     beside::check_key_frames(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     beside::place_tables(&prior, container, &args.out)?;
+    beside::place_filter(prior.filter_weights().map(AsRef::as_ref), &args.out)?;
     let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;
     let mut whole = PictureRenderer::new(&engine, &prior)?;

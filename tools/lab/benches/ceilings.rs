@@ -312,8 +312,8 @@ const ORIN: Machine = ORIN_NX.machine;
 /// The report of `make gpu-check`, from the project's folder.
 const GPU_CHECK: &str = "../../target/gpu-check/report.json";
 
-/// Prints what a GPU should take for the stages of a picture, or of an evaluation: by operations, and by what a compiler
-/// makes of the stages.
+/// Prints what a GPU should take for the stages of a picture, or of an evaluation: by operations, and by what a
+/// compiler makes of the stages.
 fn predict(gpu: &KnownGpu, c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
     let machine = &gpu.machine;
     const BLENDED: [(&str, &str); 6] = [

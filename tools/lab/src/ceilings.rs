@@ -37,7 +37,8 @@ impl Clock {
 
 /// Invocations of a workgroup of both kernels.
 const THREADS: usize = 256;
-/// Invocations of the arithmetic kernel, and words that the copy kernel copies: more than caches hold. So many on a CPU.
+/// Invocations of the arithmetic kernel, and words that the copy kernel copies: more than caches hold. So many on a
+/// CPU.
 const ON_CPU: [usize; 2] = [1 << 14, 1 << 22];
 /// The same on a GPU. An H100 holds 270,000 invocations at once, and 50 MB in its cache.
 const ON_GPU: [usize; 2] = [1 << 18, 1 << 24];
@@ -92,8 +93,8 @@ pub fn dispatch_seconds(device: &Device, clock: Clock) -> Result<f64, Error> {
     })
 }
 
-/// For so long a job runs before it is timed: the clock of a GPU that was idle rises only under load. With one run before,
-/// stages of an H100 took up to four times as long.
+/// For so long a job runs before it is timed: the clock of a GPU that was idle rises only under load. With one run
+/// before, stages of an H100 took up to four times as long.
 pub fn warm_up(device: &DeviceInfo) -> Duration {
     if device.kind == DeviceKind::Cpu { Duration::ZERO } else { Duration::from_millis(600) }
 }

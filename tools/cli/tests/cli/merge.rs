@@ -1,6 +1,7 @@
 //! `nvsprior merge`, and what `inspect` says of an update.
 
-use nvsprior::prior::{Change, Learnt, NewSplat, Update, UpdateChain, UpdateGrid};
+use nvsprior::filter_weights::FilterWeights;
+use nvsprior::prior::{Change, Learnt, NewSplat, Update, UpdateChain, UpdateGrid, filter_file};
 use nvsprior::{Prior, PriorId};
 
 use crate::dive::Dive;
@@ -231,6 +232,33 @@ fn inspect_says_what_a_chain_holds() {
         )
     );
     dive.run("inspect dive.nvsu --cameras cameras.json").ends_with(1).says("not with an update");
+}
+
+#[test]
+fn a_prior_that_is_made_of_another_has_its_filter() {
+    let Merge { dive, .. } = Merge::new();
+    let weights = FilterWeights::zero();
+    filter_file::save(&weights, &dive.path("prior.ply.filter")).unwrap();
+    let commands = [
+        ("merge prior.ply a.nvsu", "next.nvsg"),
+        ("trim prior.ply --cameras cameras.json --steps 1 --share 0.3", "small.ply"),
+        ("blocks prior.ply", "parts.nvsb"),
+        ("key-frames prior.ply --cover 9", "copy.ply"),
+    ];
+    for (command, out) in commands {
+        dive.run(&format!("{command} --out {out}")).ends_with(0);
+        assert_eq!(dive.bytes(&format!("{out}.filter")), weights.write(), "{command}");
+    }
+    // Parts of which only one has weights.
+    std::fs::copy(dive.path("prior.ply"), dive.path("other.ply")).unwrap();
+    dive.run("blocks prior.ply other.ply --out both.nvsb").ends_with(0);
+    assert!(!dive.path("both.nvsb.filter").exists());
+    // Weights of an earlier run.
+    dive.run("blocks other.ply --out parts.nvsb")
+        .ends_with(0)
+        .says("parts.nvsb.filter: its weights");
+    std::fs::write(dive.path("parts.nvsb.filter"), "broken").unwrap();
+    dive.run("blocks other.ply --out parts.nvsb").ends_with(1).says("parts.nvsb.filter");
 }
 
 #[test]

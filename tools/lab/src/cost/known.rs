@@ -43,8 +43,8 @@ pub const ORIN_NX: KnownGpu = KnownGpu {
 };
 
 /// H100 SXM, to hold the model against a measured device: docs/latency.md. Published (NVIDIA H100 data sheet; CUDA C++
-/// Programming Guide, compute capability 9.0): 66.9 TFLOP/s, 3.35 TB/s, and what a multiprocessor holds. Assumed: as for
-/// the Orin NX, the shares of these rates, and cycles until a result or a load is there.
+/// Programming Guide, compute capability 9.0): 66.9 TFLOP/s, 3.35 TB/s, and what a multiprocessor holds. Assumed: as
+/// for the Orin NX, the shares of these rates, and cycles until a result or a load is there.
 pub const H100: KnownGpu = KnownGpu {
     part_of_name: "H100",
     machine: Machine {
