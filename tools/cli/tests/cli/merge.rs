@@ -236,16 +236,18 @@ fn inspect_says_what_a_chain_holds() {
 
 #[test]
 fn a_prior_that_is_made_of_another_has_its_filter() {
-    let Merge { dive, .. } = Merge::new();
+    let (Merge { dive, .. }, survey) = (Merge::new(), Dive::new());
     let weights = FilterWeights::zero();
-    filter_file::save(&weights, &dive.path("prior.ply.filter")).unwrap();
+    for folder in [&dive, &survey] {
+        filter_file::save(&weights, &folder.path("prior.ply.filter")).unwrap();
+    }
     let commands = [
-        ("merge prior.ply a.nvsu", "next.nvsg"),
-        ("trim prior.ply --cameras cameras.json --steps 1 --share 0.3", "small.ply"),
-        ("blocks prior.ply", "parts.nvsb"),
-        ("key-frames prior.ply --cover 9", "copy.ply"),
+        (&dive, "merge prior.ply b.nvsu", "next.nvsg"),
+        (&survey, "trim prior.ply --cameras cameras.json --steps 1 --share 0.3", "small.ply"),
+        (&dive, "blocks prior.ply", "parts.nvsb"),
+        (&dive, "key-frames prior.ply --cover 9", "copy.ply"),
     ];
-    for (command, out) in commands {
+    for (dive, command, out) in commands {
         dive.run(&format!("{command} --out {out}")).ends_with(0);
         assert_eq!(dive.bytes(&format!("{out}.filter")), weights.write(), "{command}");
     }
