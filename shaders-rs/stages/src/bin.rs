@@ -532,7 +532,11 @@ fn emit<L: Lanes, const TABLE: usize, B: Pairs + ?Sized>(
     tile = lane;
     while tile < tiles {
         let mut to = at(next, tile);
-        let end = shared::saturating(before, at(starts, row_below + tile)).min(room);
+        let end = if L::REPEATS {
+            shared::saturating(before, at(starts, row_below + tile)).min(room)
+        } else {
+            at(next, tiles + tile)
+        };
         while to < end {
             *at_mut(pair_splats, to) = params.splats;
             to += 1;

@@ -192,8 +192,8 @@ impl<'a> BandContext<'a> {
     }
 
     /// The render and the decoded coarser picture along a part of a row: inputs 18 to 32 for magnitudes, and all for
-    /// quiet contexts. The first two say where the coefficient lies. If the frame is predicted from an earlier one,
-    /// they say what is predicted from it instead.
+    /// quiet contexts. The first two say where the coefficient lies. A frame that is predicted from an earlier one has
+    /// that prediction in their place.
     pub fn see(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
         let Band { level, width, height, .. } = self.band;
         let inter = self.frame.inter_seen();

@@ -83,10 +83,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     replace_file(&out, &content)?;
     if let Kind::Ply | Kind::Compact = kind {
         record::carry((&args.prior, &prior), &out)?;
-        beside::place_filter(filter_file::open_beside(&args.prior)?.as_ref(), &out)?;
         if let Some(tables) = &tables {
             tables_file::save(tables, &tables_file::path_beside(&out))?;
         }
+        beside::place_filter(filter_file::open_beside(&args.prior)?.as_ref(), &out)?;
     }
     let prior = if tables.is_some() { prior.with_coder_tables(tables) } else { prior };
     if let Some(views) = &views {

@@ -307,8 +307,6 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
     Ok(())
 }
 
-/// By operations.
-const ORIN: Machine = ORIN_NX.machine;
 /// The report of `make gpu-check`, from the project's folder.
 const GPU_CHECK: &str = "../../target/gpu-check/report.json";
 
@@ -352,9 +350,9 @@ fn predict(gpu: &KnownGpu, c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow
     Ok(())
 }
 
-/// What a Jetson Orin should take for the levels of a prior, and an H100 for the first, where the model can be held
-/// against docs/latency.md.
-fn orin(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
+/// Prints what a Jetson Orin should take for the levels of a prior. For the first level it prints an H100's times, too:
+/// docs/latency.md has what was measured on one.
+fn predictions(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(GPU_CHECK);
     let Ok(text) = std::fs::read_to_string(file) else {
         println!("no prediction by compiled stages: `make gpu-check` writes {GPU_CHECK}");
@@ -430,27 +428,23 @@ fn work(part: &str, counts: &Counts, on: &Machine, passes: u32) -> Work {
     sum
 }
 
-/// Prints a picture's stages, or an evaluation's: as the model predicts them here and for a Jetson Orin, and as
-/// measured here.
+/// Prints a picture's stages, or an evaluation's: as the model predicts them here, and as measured.
 fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime]) {
     println!("  {}", if evaluation { "evaluation" } else { "picture" });
     let parts = if evaluation { EVALUATION.as_slice() } else { &PICTURE };
-    // A search sorts its evaluations in fewer passes.
-    let passes = if evaluation { SEARCH_PASSES } else { PICTURE_PASSES };
-    let mut total = [0.0; 3];
+    let mut total = [0.0; 2];
     for part in parts {
-        let (work, paper) = (work(part, c, here, PICTURE_PASSES), work(part, c, &ORIN, passes));
+        let work = work(part, c, here, PICTURE_PASSES);
         let times = measured.iter().filter(|stage| belongs(stage.name, part));
         let took: f64 = times.map(|stage| stage.milliseconds).sum();
-        let (model, orin) = (here.seconds(&work) * 1e3, ORIN.seconds(&paper) * 1e6);
+        let model = here.seconds(&work) * 1e3;
         let (bytes, operations) = (work.bytes * 1e-6, work.flops * 1e-6);
         print!("    {part:10} {bytes:6.2} MB, {operations:7.1} MFLOP: model {model:6.2} ms, ");
-        print!("measured {took:6.2}, {:4.1} times; ", took / model);
-        println!("{}: {:5.2} MB, {orin:5.0} us", ORIN.name, paper.bytes * 1e-6);
-        total = [total[0] + model, total[1] + took, total[2] + orin];
+        println!("measured {took:6.2}, {:4.1} times", took / model);
+        total = [total[0] + model, total[1] + took];
     }
-    let [model, took, orin] = total;
-    println!("    all: model {model:.2} ms, measured {took:.2}; {}: {orin:.0} us", ORIN.name);
+    let [model, took] = total;
+    println!("    all: model {model:.2} ms, measured {took:.2}");
 }
 
 /// The stages of each level.
@@ -492,7 +486,7 @@ fn main() -> anyhow::Result<()> {
     let device = engine.vulkan();
     println!("{}", engine.device());
     let seen = PriorView::new(&engine)?;
-    orin(&engine, &seen)?;
+    predictions(&engine, &seen)?;
     if std::env::args().any(|argument| argument == "orin") {
         return Ok(());
     }

@@ -78,10 +78,7 @@ pub fn dispatch_seconds(device: &Device, clock: Clock) -> Result<f64, Error> {
     let (mut one, mut many) = (record(1)?, record(DISPATCHES)?);
     let mut best = f64::INFINITY;
     let (mut least_one, mut least_many) = (f64::INFINITY, f64::INFINITY);
-    let (start, least) = (Instant::now(), warm_up(device.info()));
-    let mut runs = 0;
-    while runs < RUNS || start.elapsed() < least {
-        runs += 1;
+    for () in runs(device.info()) {
         least_one = least_one.min(host_seconds(&mut one)?);
         least_many = least_many.min(host_seconds(&mut many)?);
         let times = many.stage_times()?;
@@ -97,6 +94,12 @@ pub fn dispatch_seconds(device: &Device, clock: Clock) -> Result<f64, Error> {
 /// before, stages of an H100 took up to four times as long.
 pub fn warm_up(device: &DeviceInfo) -> Duration {
     if device.kind == DeviceKind::Cpu { Duration::ZERO } else { Duration::from_millis(600) }
+}
+
+/// An item for each run: at least [`RUNS`], and so many as the warm-up takes.
+fn runs(device: &DeviceInfo) -> impl Iterator<Item = ()> {
+    let (start, least) = (Instant::now(), warm_up(device));
+    (0..).take_while(move |run| *run < RUNS || start.elapsed() < least).map(|_| ())
 }
 
 /// Seconds of the arithmetic kernel.
@@ -142,10 +145,7 @@ fn fastest(
     recorder.dispatch(kernel, buffers, &[], [(invocations / THREADS) as u32, 1, 1])?;
     let mut commands = recorder.finish()?;
     let mut best = f64::INFINITY;
-    let (start, least) = (Instant::now(), warm_up(device.info()));
-    let mut runs = 0;
-    while runs < RUNS || start.elapsed() < least {
-        runs += 1;
+    for () in runs(device.info()) {
         let seconds = host_seconds(&mut commands)?;
         best = match clock {
             Clock::Host => best.min(seconds),

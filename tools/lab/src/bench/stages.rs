@@ -1,7 +1,7 @@
 //! The device's time by stage, with the bytes and operations that a model counts, and the best
 //! rates of the device.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::Context as _;
 use nvsprior::packet::QuantisedPose;
@@ -205,7 +205,6 @@ fn counts(
 fn alone(context: &Context, job: Job, runs: Runs) -> anyhow::Result<Vec<StageTime>> {
     let Shot { camera, picture, .. } = &context.shots[0];
     let pose = context.best[0].pose;
-    let warm_up = ceilings::warm_up(context.engine.device());
     let jacobians = match job {
         Job::Sums(jacobian) => vec![jacobian],
         _ => vec![Jacobian::Flow],
@@ -215,7 +214,7 @@ fn alone(context: &Context, job: Job, runs: Runs) -> anyhow::Result<Vec<StageTim
     renderer.set_picture(picture);
     renderer.reduce_picture()?;
     let mut render = picture.clone();
-    times(warm_up, runs, || {
+    times(context, runs, || {
         match job {
             Job::Sums(jacobian) => renderer.normal_equations(0, jacobian, &pose).map(|_| ())?,
             _ => renderer.picture(&pose, &mut render)?,
@@ -241,9 +240,8 @@ fn search(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     let shot = &context.shots[last];
     let renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;
     let mut tracker = Tracker::new(Objective::new(renderer), refine, threshold, profile);
-    let warm_up = ceilings::warm_up(context.engine.device());
     let mut renders = Vec::new();
-    let times = times(warm_up, runs, || {
+    let times = times(context, runs, || {
         tracker.reset();
         for Best { pose, psnr } in &context.best[..last] {
             tracker.keep(&PoseEstimate::known(*pose, 10f64.powf(-0.1 * psnr)));
@@ -302,9 +300,8 @@ pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     let schedule = Schedule { first_level: 0, follow_level: 0, levels: 1, renders: NEARBY, ..warm };
     let starts = [renderer.placed(&code)];
     let program = schedule.program(renderer.levels(), starts, damping, profile.word());
-    let warm_up = ceilings::warm_up(context.engine.device());
     let mut evaluations = 0;
-    let times = times(warm_up, runs, || {
+    let times = times(context, runs, || {
         evaluations = renderer.search(&program)?.search.by_level[0];
         Ok(renderer.stage_times(Job::Search)?)
     })?;
@@ -316,11 +313,11 @@ pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
 
 /// Times over runs, after a warm-up. The first run never counts: drivers finish their work at first use.
 fn times(
-    warm_up: Duration,
+    context: &Context,
     runs: Runs,
     mut run: impl FnMut() -> anyhow::Result<Vec<StageTime>>,
 ) -> anyhow::Result<Vec<StageTime>> {
-    let start = Instant::now();
+    let (start, warm_up) = (Instant::now(), ceilings::warm_up(context.engine.device()));
     run()?;
     while start.elapsed() < warm_up {
         run()?;
