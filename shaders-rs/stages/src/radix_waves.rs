@@ -43,21 +43,25 @@ impl<const SUBGROUP: u32> Who<SUBGROUP> {
 struct Part {
     first: u32,
     end: u32,
+    /// The most keys that a part of this block has; 0: the block is empty.
+    most: u32,
+    /// The block's first key.
+    any: u32,
     counters: u32,
 }
 
 impl Part {
-    /// The part of a subgroup; `sharers` of them have one.
+    /// The part of a subgroup. Those after the first `sharers` have an empty one, and no counters.
     fn new<const SUBGROUP: u32>(block: [u32; 2], width: u32, sharers: u32, wave: u32) -> Part {
-        let [first, end] = block;
-        let each = ((end - first) / (sharers * SUBGROUP) + 1) * SUBGROUP;
-        let first = if wave < sharers { (first + wave * each).min(end) } else { end };
-        Part { first, end: (first + each).min(end), counters: wave * width }
+        let [any, end] = block;
+        let most = (end - any).div_ceil(sharers * SUBGROUP) * SUBGROUP;
+        let first = if wave < sharers { (any + wave * most).min(end) } else { end };
+        Part { first, end: (first + most).min(end), most, any, counters: wave * width }
     }
 
-    /// A place to load from, for one that may be beyond the end. The part must not be empty.
+    /// A place to load from, for one that may be beyond the end. The block must not be empty.
     fn within(&self, place: u32) -> u32 {
-        if place < self.end { place } else { self.first }
+        if place < self.end { place } else { self.any }
     }
 
     /// The keys at four places; beyond the end they are culled.
@@ -173,7 +177,10 @@ fn place_keys<const SUBGROUP: u32>(
             let digit = digit_of($key, bits, pass.digit);
             let own = if kept { digit } else { 1 << (bits & 31) };
             let rank = Wave::<SUBGROUP>::rank(own, bits + 1, who.lane, scratch);
-            let to = at(tables, part.counters + digit) + rank.before;
+            let mut to = 0;
+            if kept {
+                to = at(tables, part.counters + digit) + rank.before;
+            }
             Wave::<SUBGROUP>::sync();
             if kept & rank.last {
                 *at_mut(tables, part.counters + digit) = to + 1;
@@ -192,9 +199,11 @@ fn place_keys<const SUBGROUP: u32>(
             }
         };
     }
-    let mut place = part.first + who.lane;
-    while place - who.lane < part.end {
-        let places = four::<SUBGROUP>(place);
+    // Each subgroup takes as many steps as the one with the most keys. Some drivers (llvmpipe, panfrost, v3d) take a
+    // barrier of a subgroup for one of the workgroup, which all must reach equally often.
+    let mut step = 0;
+    while step < part.most {
+        let places = four::<SUBGROUP>(part.first + step + who.lane);
         let [a, b, c, d] = part.keys(keys, places);
         let [mut e, mut f, mut g, mut h] = places;
         if pass.first == 0 {
@@ -208,7 +217,7 @@ fn place_keys<const SUBGROUP: u32>(
         store!(b, f, j);
         store!(c, g, k);
         store!(d, h, l);
-        place += AHEAD * SUBGROUP;
+        step += AHEAD * SUBGROUP;
     }
 }
 

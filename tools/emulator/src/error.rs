@@ -119,6 +119,21 @@ pub enum Error {
         /// What another does.
         other: String,
     },
+    /// Subgroups of a workgroup that pass barriers of their own unequally often. Vulkan allows it. But some drivers
+    /// (llvmpipe, panfrost, v3d) make each such barrier one of the workgroup. None of them has subgroups of more than
+    /// 16, so larger ones are not checked.
+    #[error("{entry}: between two barriers of workgroup {group:?}, subgroup 0 passes {} of its own, and subgroup \
+             {other} {}", barriers[0], barriers[1])]
+    Uneven {
+        /// The module's entry point.
+        entry: String,
+        /// The workgroup.
+        group: [u32; 3],
+        /// How many barriers subgroup 0 passes, and how many the other one.
+        barriers: [u32; 2],
+        /// The other subgroup.
+        other: u32,
+    },
     /// A value of a lane that takes no part.
     #[error("{place}: lane {lane} is not active")]
     InactiveLane {

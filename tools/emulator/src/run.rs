@@ -40,6 +40,9 @@ const MOST_INSTRUCTIONS: u64 = 1 << 32;
 /// Most accesses to memory before another invocation goes on.
 const MOST_ACCESSES: u32 = 48;
 
+/// The largest subgroups that must pass equally many barriers of their own.
+const MOST_EVEN: u32 = 16;
+
 /// What lies in registers and memory that nobody wrote.
 const GARBAGE: u32 = 0xbad0_cafe;
 
@@ -108,6 +111,8 @@ struct Run<'a> {
     subgroups: Vec<Vec<usize>>,
     /// How many of each subgroup neither wait nor have ended.
     running: Vec<usize>,
+    /// Barriers that each subgroup passed by itself since the last one of the workgroup.
+    passed: Vec<u32>,
     ready: Vec<usize>,
     group: [u32; 3],
     /// From 1.
@@ -142,6 +147,7 @@ impl<'a> Run<'a> {
             invocations: (0..module.invocations()).map(invocation).collect(),
             subgroups: Vec::new(),
             running: Vec::new(),
+            passed: Vec::new(),
             ready: Vec::new(),
             group: [0; 3],
             group_number: 0,
@@ -174,6 +180,7 @@ impl<'a> Run<'a> {
         let size = self.dispatch.subgroup as usize;
         self.subgroups = order.chunks(size).map(<[usize]>::to_vec).collect();
         self.running = self.subgroups.iter().map(Vec::len).collect();
+        self.passed = vec![0; self.subgroups.len()];
         for (subgroup, members) in self.subgroups.iter().enumerate() {
             for (lane, i) in members.iter().enumerate() {
                 let invocation = &mut self.invocations[*i];
@@ -291,6 +298,7 @@ impl<'a> Run<'a> {
                     return Ok(());
                 }
                 self.memory.pass(barrier, subgroup);
+                self.passed[subgroup as usize] += 1;
             }
             _ => return Ok(()),
         }
@@ -335,6 +343,7 @@ impl<'a> Run<'a> {
 
     /// Goes on behind a barrier of the workgroup, if all wait there. Returns whether anybody goes on.
     fn pass_group(&mut self) -> Result<bool, Error> {
+        self.compare_passed()?;
         let of = |state| self.invocations.iter().position(|one| one.state == state);
         let Some(first) = of(State::Waiting) else { return Ok(false) };
         if let Some(other) = of(State::Ended) {
@@ -350,6 +359,24 @@ impl<'a> Run<'a> {
         let all: Vec<usize> = (0..self.invocations.len()).collect();
         self.release(&all);
         Ok(true)
+    }
+
+    /// Whether all subgroups passed as many barriers of their own. Not if they are large: see [`Error::Uneven`].
+    fn compare_passed(&mut self) -> Result<(), Error> {
+        if self.dispatch.subgroup > MOST_EVEN {
+            return Ok(());
+        }
+        let first = self.passed[0];
+        if let Some(other) = self.passed.iter().position(|passed| *passed != first) {
+            return Err(Error::Uneven {
+                entry: self.module.entry.clone(),
+                group: self.group,
+                barriers: [first, self.passed[other]],
+                other: other as u32,
+            });
+        }
+        self.passed.fill(0);
+        Ok(())
     }
 
     fn place(&self, i: usize) -> Box<Place> {

@@ -17,9 +17,11 @@ const BUFFER: u32 = 8;
 const SHARED: u32 = 9;
 const INDEX_INPUT: u32 = 10;
 const LANE_INPUT: u32 = 11;
-/// The invocation's number in its workgroup, and in its subgroup.
+const SUBGROUP_INPUT: u32 = 28;
+/// The invocation's number in its workgroup, and in its subgroup; the subgroup's number in the workgroup.
 pub const INDEX: u32 = 12;
 pub const LANE: u32 = 13;
+pub const SUBGROUP: u32 = 29;
 const MAIN: u32 = 14;
 /// Memory semantics of barriers, beside [`constant`]s.
 pub const ORDERS_SHARED: u32 = 15;
@@ -104,10 +106,11 @@ pub fn end() -> Op {
 /// The words of a module for workgroups of `size`.
 pub fn words(size: u32, body: &[Op]) -> Vec<u8> {
     let name = [u32::from_le_bytes(*b"main"), 0];
+    let inputs = [INDEX_INPUT, LANE_INPUT, SUBGROUP_INPUT];
     let mut ops = vec![
         op(17, &[1]),
         op(14, &[0, 3]),
-        op(15, &[&[5, MAIN], &name[..], &[BUFFER, SHARED, INDEX_INPUT, LANE_INPUT]].concat()),
+        op(15, &[&[5, MAIN], &name[..], &[BUFFER, SHARED], &inputs].concat()),
         op(16, &[MAIN, 17, size, 1, 1]),
         op(71, &[20, 6, 4]),
         op(72, &[21, 0, 35, 0]),
@@ -115,6 +118,7 @@ pub fn words(size: u32, body: &[Op]) -> Vec<u8> {
         op(71, &[BUFFER, 34, 0]),
         op(71, &[INDEX_INPUT, 11, 29]),
         op(71, &[LANE_INPUT, 11, 41]),
+        op(71, &[SUBGROUP_INPUT, 11, 40]),
         op(19, &[VOID]),
         op(33, &[FUNCTION, VOID]),
         op(20, &[BOOL]),
@@ -138,10 +142,12 @@ pub fn words(size: u32, body: &[Op]) -> Vec<u8> {
         op(32, &[25, 1, WORD]),
         op(59, &[25, INDEX_INPUT, 1]),
         op(59, &[25, LANE_INPUT, 1]),
+        op(59, &[25, SUBGROUP_INPUT, 1]),
         op(54, &[VOID, MAIN, 0, FUNCTION]),
         op(248, &[26]),
         op(61, &[WORD, INDEX, INDEX_INPUT]),
         op(61, &[WORD, LANE, LANE_INPUT]),
+        op(61, &[WORD, SUBGROUP, SUBGROUP_INPUT]),
     ]);
     ops.extend_from_slice(body);
     ops.push(op(56, &[]));

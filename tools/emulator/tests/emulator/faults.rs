@@ -65,6 +65,21 @@ fn a_barrier_that_some_do_not_reach_is_found() {
 }
 
 #[test]
+fn barriers_that_only_some_subgroups_pass_are_found() {
+    let own = || barrier(subgroup(), ORDERS_SHARED);
+    let all = || vec![barrier(workgroup(), ORDERS_SHARED)];
+    for seed in 0..12 {
+        let first_only = || when_below(40, SUBGROUP, 1, [own()]);
+        for body in [vec![first_only()], vec![first_only(), all()]] {
+            let fault = fault(&body, seed);
+            assert!(matches!(fault, Error::Uneven { barriers: [1, 0], other: 1, .. }), "{fault}");
+        }
+        let body = [vec![own()], all(), vec![own(), end()]].concat();
+        assert_eq!(run(16, &body, seed, &mut vec![]).err(), None);
+    }
+}
+
+#[test]
 fn accesses_out_of_bounds_are_found() {
     let beyond = vec![op(128, &[WORD, 49, INDEX, constant(60)])];
     for seed in 0..12 {
