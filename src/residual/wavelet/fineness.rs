@@ -47,25 +47,23 @@ pub struct Bracket<M> {
     target: f64,
     /// The number at a fineness, roughly.
     model: M,
-    next: Option<f64>,
-    /// The nearest on either side: too fine, and too coarse.
-    fine: Option<Told>,
-    coarse: Option<Told>,
-    /// The side that the last one was on: too fine?
-    last: Option<bool>,
+    told: [Told; MOST_TOLD],
+    count: usize,
 }
 
 /// A number that was told.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Told {
     at: f64,
+    value: f64,
     /// How far the model is below it.
     off: f64,
 }
 
-/// Trials lie at least this far apart.
-const NEAREST: f64 = 0.05;
-/// A trial between two others stays so far from both; and this share of their distance, if the last two were on one
+/// Numbers that can be told.
+pub const MOST_TOLD: usize = 16;
+/// The search ends if two trials are nearer to each other than this, one of them too fine and one too coarse. A trial
+/// stays so far from others if it can; from both of them by this share of their distance, if the last two were on one
 /// side.
 const ASIDE: f64 = 0.02;
 const SHARE_ASIDE: f64 = 0.3;
@@ -73,44 +71,55 @@ const SHARE_ASIDE: f64 = 0.3;
 impl<M: Fn(Fineness) -> f64> Bracket<M> {
     /// Begins at where the model has the target.
     pub fn new(target: f64, model: M) -> Bracket<M> {
-        let mut bracket =
-            Bracket { target, model, next: None, fine: None, coarse: None, last: None };
-        bracket.next = Some(bracket.root((0.0, 0.0), (COARSEST, 0.0)));
-        bracket
-    }
-
-    /// What to try next; `None`: no more is to be found.
-    pub fn next(&self) -> Option<Fineness> {
-        self.next.map(Fineness::new)
+        Bracket { target, model, told: [Told::default(); MOST_TOLD], count: 0 }
     }
 
     /// The number at a fineness.
     pub fn tell(&mut self, at: Fineness, value: f64) {
-        let told = Told { at: at.0, off: value - (self.model)(at) };
-        let too_fine = value >= self.target;
-        *(if too_fine { &mut self.fine } else { &mut self.coarse }) = Some(told);
-        let again = self.last.replace(too_fine) == Some(too_fine);
-        self.next = match (self.fine, self.coarse) {
-            (Some(fine), Some(coarse)) if coarse.at - fine.at < 1e-3 => None,
+        if let Some(told) = self.told.get_mut(self.count) {
+            *told = Told { at: at.0, value, off: value - (self.model)(at) };
+            self.count += 1;
+        }
+    }
+
+    /// Another target. What was told holds.
+    pub fn aim(&mut self, target: f64) {
+        self.target = target;
+    }
+
+    /// What to try next; `None`: no more is to be found.
+    pub fn next(&self) -> Option<Fineness> {
+        let told = &self.told[..self.count];
+        if told.len() == MOST_TOLD {
+            return None;
+        }
+        let too_fine = |told: &&Told| told.value >= self.target;
+        let fine = told.iter().filter(too_fine).max_by(|a, b| a.at.total_cmp(&b.at));
+        let behind = |told: &&Told| fine.is_none_or(|fine| fine.at < told.at);
+        let coarse = told.iter().filter(|told| !too_fine(told)).filter(behind);
+        let coarse = coarse.min_by(|a, b| a.at.total_cmp(&b.at));
+        let next = match (fine, coarse) {
+            (None, None) => self.root((0.0, 0.0), (COARSEST, 0.0)),
+            (Some(fine), Some(coarse)) if coarse.at - fine.at < ASIDE => return None,
             (Some(fine), Some(coarse)) => {
                 let root = self.root((fine.at, fine.off), (coarse.at, coarse.off));
+                let again = matches!(told, [.., a, b] if too_fine(&a) == too_fine(&b));
                 let share = SHARE_ASIDE * (coarse.at - fine.at);
                 let aside = if again { share } else { share.min(ASIDE) };
-                Some(root.clamp(fine.at + aside, coarse.at - aside))
+                root.clamp(fine.at + aside, coarse.at - aside)
             }
-            (Some(fine), None) if fine.at >= COARSEST => None,
-            (None, Some(coarse)) if coarse.at <= 0.0 => None,
-            // A little further than it seems, so that the target comes to lie between.
-            (Some(Told { at, off }), None) => {
-                let root = self.root((at, off), (COARSEST, off));
-                Some((root.max(at + NEAREST) + NEAREST).min(COARSEST))
+            (Some(fine), None) if fine.at >= COARSEST => return None,
+            (None, Some(coarse)) if coarse.at <= 0.0 => return None,
+            (Some(Told { at, off, .. }), None) => {
+                let root = self.root((*at, *off), (COARSEST, *off));
+                root.max(at + ASIDE).min(COARSEST)
             }
-            (None, Some(Told { at, off })) => {
-                let root = self.root((0.0, off), (at, off));
-                Some((root.min(at - NEAREST) - NEAREST).max(0.0))
+            (None, Some(Told { at, off, .. })) => {
+                let root = self.root((0.0, *off), (*at, *off));
+                root.min(at - ASIDE).max(0.0)
             }
-            (None, None) => None,
         };
+        Some(Fineness::new(next))
     }
 
     /// Where the model has the target. It is off by so much at both ends, and between them by what lies between.

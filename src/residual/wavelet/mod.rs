@@ -11,6 +11,7 @@ mod adaptive_bit;
 mod bits;
 mod block_cost;
 mod blocks;
+mod budget;
 mod choose;
 mod coarser;
 pub(super) mod colour;

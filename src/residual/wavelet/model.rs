@@ -15,8 +15,8 @@ const BINS: usize = OCTAVES * PER_OCTAVE;
 const DEAD: f64 = 0.5;
 const DEAD_PER_LAMBDA: f64 = 1.9;
 /// Bits of a coefficient that is not zero, and of each octave above; and of a payload without any.
-const BITS: f64 = 6.0;
-const BITS_PER_OCTAVE: f64 = 1.5;
+const BITS: f64 = 3.7;
+const BITS_PER_OCTAVE: f64 = 1.1;
 const BITS_MIN: f64 = 16.0;
 
 /// How many coefficients of about one size a frame has.

@@ -7,6 +7,7 @@ use crate::packet::{Coder, Reference, Residual, residual_part_len};
 
 use super::super::interest::Interest;
 use super::super::rate::{Content, Rate, RateResult};
+use super::budget;
 use super::decoder::WaveletDecoder;
 use super::displaced::Earlier;
 use super::encoder::WaveletEncoder;
@@ -32,8 +33,6 @@ const TIGHT: usize = 160;
 const TIGHT_STEP: u8 = 48;
 /// Blocks are chosen again if the step has moved by more than this since they were chosen, eighths of an octave.
 const NEAR: u8 = 2;
-/// Share of a budget that is used at least.
-const USED: f64 = 0.98;
 
 /// Codes frames of one size at a rate, in memory of its own.
 pub struct RateEncoder {
@@ -349,7 +348,7 @@ impl RateEncoder {
         8.0 * payload.len() as f64 + error / f64::from(fineness.lambda())
     }
 
-    /// Chooses coefficients. How many bytes those take that had to be weighed: see [`Length`].
+    /// Chooses coefficients. How many bytes those take that had to be weighed.
     fn choose(&mut self, fineness: Fineness) -> f64 {
         self.probes += 1;
         f64::from(self.encoder.choose(fineness.step(), fineness.lambda())) / 8.0
@@ -428,59 +427,40 @@ impl RateEncoder {
 
     /// Codes until a payload has about `max` bytes; keeps what is better than the best so far.
     fn search_within(&mut self, frame: &Picture, render: &Picture, max: usize) {
-        let target = (max as f64 * (1.0 + USED) / 2.0).max(1.0);
+        let blocks = self.encoder.block_bytes();
         let model = self.encoder.model();
-        let mut bracket = Bracket::new(target.ln(), |at| model.bytes(at).ln());
-        let first = self.probes;
-        let mut length = FIRST;
-        // The longest that was written. Only the last one, from `under`, may have no room.
-        let mut longest = 0.0f64;
-        // Too long, and short enough but not written: those nearest to the target.
-        let (mut over, mut under) = (None, None);
-        while let Some(fineness) = bracket.next().filter(|_| self.probes - first < MAX_PROBES) {
+        let mut search = budget::search(max, blocks, |at| model.bytes(at));
+        let last = self.probes + MAX_PROBES;
+        while let Some(fineness) = search.next().filter(|_| self.probes < last) {
             let weighed = self.choose(fineness);
-            let mut len = length.of(weighed);
-            let is_near = length.may_be(len, target);
-            if is_near {
-                len = self.write_within(frame, render, max);
-                length.tell(weighed, len);
-                if (USED * max as f64..=max as f64).contains(&len) {
-                    return;
-                }
-            }
-            bracket.tell(fineness, len.ln());
-            let here = Some((len, fineness));
-            if len > max as f64 {
-                over = over.filter(|(min, _)| *min <= len).or(here);
-            } else if is_near {
-                longest = longest.max(len);
-            } else {
-                under = under.filter(|(longest, _)| *longest >= len).or(here);
+            if search.chosen(fineness, weighed)
+                && search.written(self.write_within(frame, render, max))
+            {
+                return;
             }
         }
-        if let Some((_, fineness)) = under.filter(|(len, _): &(f64, Fineness)| *len > longest) {
-            self.choose(fineness);
-            longest = longest.max(self.write_within(frame, render, max));
+        if let Some(fineness) = search.unwritten() {
+            let weighed = self.choose(fineness);
+            search.chosen(fineness, weighed);
+            search.written(self.write_within(frame, render, max));
         }
-        if !(USED * max as f64..=max as f64).contains(&longest)
-            && let Some((_, fineness)) = over
-        {
+        if let Some(fineness) = search.too_long() {
             self.cut(frame, render, fineness, max);
         }
     }
 
     /// Writes what was chosen last; keeps it if it has room and is the best so far. Its length, or more than `max`.
-    fn write_within(&mut self, frame: &Picture, render: &Picture, max: usize) -> f64 {
+    fn write_within(&mut self, frame: &Picture, render: &Picture, max: usize) -> usize {
         let whole = self.write(false);
         let len = self.trial.payload.len();
         if !whole || len > max {
-            return len.max(max + 1) as f64;
+            return len.max(max + 1);
         }
         self.show(frame, render);
         if self.trial.psnr > self.best.psnr {
             self.keep();
         }
-        len.max(1) as f64
+        len
     }
 
     /// Codes more than there is room for, and leaves the end away; keeps it if it is the best so far.
@@ -495,38 +475,6 @@ impl RateEncoder {
         trial.psnr = frame.psnr(&trial.reconstruction);
         if trial.psnr > self.best.psnr {
             self.keep();
-        }
-    }
-}
-
-/// Guesses a payload's length from what its weighed coefficients take: writing takes longer than choosing.
-struct Length {
-    /// Bytes in all for each weighed one.
-    share: f64,
-    /// A guess may be off by this share.
-    off: f64,
-}
-
-/// The guess at first (docs/decisions.md, 20).
-const FIRST: Length = Length { share: 1.25, off: 0.2 };
-/// A guess may be off by this share once a length of the frame was told.
-const OFF: f64 = 0.04;
-/// It may also be off by so many bytes.
-const OFF_BYTES: f64 = 4.0;
-
-impl Length {
-    fn of(&self, weighed: f64) -> f64 {
-        (self.share * weighed).max(1.0)
-    }
-
-    /// Whether a guess may be as long as a target.
-    fn may_be(&self, guess: f64, target: f64) -> bool {
-        (guess - target).abs() <= self.off * target + OFF_BYTES
-    }
-
-    fn tell(&mut self, weighed: f64, len: f64) {
-        if weighed > 0.0 {
-            *self = Length { share: len / weighed, off: OFF };
         }
     }
 }

@@ -1,0 +1,226 @@
+//! The search for a payload of about a number of bytes. Choosing coefficients takes less time than writing them: so a
+//! payload is written only if the coefficients that had to be weighed say that it is about as long.
+
+use super::fineness::{Bracket, Fineness, MOST_TOLD};
+
+/// Share of a budget that is used at least.
+const USED: f64 = 0.98;
+/// Bytes in all for each weighed one, beside the blocks (docs/decisions.md, 20).
+const SHARE: f64 = 1.25;
+/// A guess may be off by this share: at first, and once a payload of the frame was written.
+const OFF_AT_FIRST: f64 = 0.03;
+const OFF: f64 = 0.01;
+/// It may also be off by so many bytes.
+const OFF_BYTES: f64 = 2.0;
+/// Fewer weighed bytes count as so many.
+const LEAST: f64 = 0.1;
+
+/// Coefficients that were chosen at a fineness.
+#[derive(Clone, Copy)]
+struct Try {
+    at: Fineness,
+    /// Bytes of those that had to be weighed.
+    weighed: f64,
+    /// The payload's length, if it was written.
+    len: Option<usize>,
+}
+
+/// A search. Lengths are in bytes.
+pub struct BudgetSearch<M> {
+    bracket: Bracket<M>,
+    /// The longest payload.
+    max: usize,
+    /// What the blocks take.
+    blocks: f64,
+    share: f64,
+    off: f64,
+    tries: [Option<Try>; MOST_TOLD],
+    count: usize,
+}
+
+/// Begins a search. `blocks`: what the blocks of the frame take. `model`: a payload's length at a fineness without
+/// them, roughly.
+pub fn search<M: Fn(Fineness) -> f64>(
+    max: usize,
+    blocks: f64,
+    model: M,
+) -> BudgetSearch<impl Fn(Fineness) -> f64> {
+    let bracket = Bracket::new(0.0, move |at| model(at).ln());
+    let mut search = BudgetSearch {
+        bracket,
+        max,
+        blocks,
+        share: SHARE,
+        off: OFF_AT_FIRST,
+        tries: [None; MOST_TOLD],
+        count: 0,
+    };
+    search.aim();
+    search
+}
+
+impl<M: Fn(Fineness) -> f64> BudgetSearch<M> {
+    /// The length that is looked for.
+    fn target(&self) -> f64 {
+        (0.5 * (1.0 + USED) * self.max as f64).max(1.0)
+    }
+
+    /// The bracket searches weighed bytes, in the model's measure.
+    fn aim(&mut self) {
+        let weighed = ((self.target() - self.blocks) / self.share).max(LEAST);
+        self.bracket.aim((SHARE * weighed).ln());
+    }
+
+    fn is_enough(&self, len: usize) -> bool {
+        len <= self.max && len as f64 >= USED * self.max as f64
+    }
+
+    fn len(&self, of: &Try) -> f64 {
+        of.len.map_or(self.blocks + self.share * of.weighed, |len| len as f64)
+    }
+
+    fn tries(&self) -> impl Iterator<Item = &Try> {
+        self.tries.iter().flatten()
+    }
+
+    /// What to choose coefficients at next; `None`: no more is to be found.
+    pub fn next(&self) -> Option<Fineness> {
+        self.bracket.next()
+    }
+
+    /// Coefficients were chosen. `weighed`: see [`Try`]. Whether to write them.
+    pub fn chosen(&mut self, at: Fineness, weighed: f64) -> bool {
+        let weighed = weighed.max(LEAST);
+        self.bracket.tell(at, (SHARE * weighed).ln());
+        // The same at the same step: these are the same coefficients.
+        let is_same = |other: &&Try| other.weighed == weighed && other.at.step() == at.step();
+        let len = self.tries().find(is_same).and_then(|other| other.len);
+        let new = Try { at, weighed, len };
+        let guess = self.len(&new);
+        if let Some(place) = self.tries.get_mut(self.count) {
+            *place = Some(new);
+            self.count += 1;
+        }
+        len.is_none() && (guess - self.target()).abs() <= self.off * self.target() + OFF_BYTES
+    }
+
+    /// What was chosen last was written; if it is longer than the budget, `len` may be anything above it. Whether that
+    /// ends the search.
+    pub fn written(&mut self, len: usize) -> bool {
+        let Some(last) = self.count.checked_sub(1).and_then(|last| self.tries[last].as_mut())
+        else {
+            return false;
+        };
+        last.len = Some(len);
+        self.share = (len as f64 - self.blocks).max(LEAST) / last.weighed;
+        self.off = OFF;
+        self.aim();
+        self.is_enough(len)
+    }
+
+    /// The longest that was written and has room.
+    fn longest(&self) -> usize {
+        self.tries().filter_map(|of| of.len).filter(|len| *len <= self.max).max().unwrap_or(0)
+    }
+
+    /// At the end: what was not written, has room, and is longer than all that was.
+    pub fn unwritten(&self) -> Option<Fineness> {
+        let has_room = |of: &&Try| of.len.is_none() && self.len(of) <= self.max as f64;
+        let best = self.tries().filter(has_room);
+        let best = best.max_by(|a, b| self.len(a).total_cmp(&self.len(b)))?;
+        (self.len(best) > self.longest() as f64).then_some(best.at)
+    }
+
+    /// At the end: the shortest that is too long, if all others leave room.
+    pub fn too_long(&self) -> Option<Fineness> {
+        if self.is_enough(self.longest()) {
+            return None;
+        }
+        let too_long = self.tries().filter(|of| self.len(of) > self.max as f64);
+        Some(too_long.min_by(|a, b| self.len(a).total_cmp(&self.len(b)))?.at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame of which payloads are known.
+    struct Frame {
+        blocks: f64,
+        share: f64,
+        /// Weighed bytes at a fineness.
+        weighed: fn(f64) -> f64,
+    }
+
+    const FALLING: fn(f64) -> f64 = |at| 4000.0 * libm::exp2(-at / 3.0);
+
+    impl Frame {
+        fn weighed(&self, at: Fineness) -> f64 {
+            // A fineness is its step and, between two of them, what a bit is worth.
+            let between = f64::from(at.lambda() / crate::residual::wavelet::fineness::LAMBDA);
+            (self.weighed)(f64::from(at.step().index()) + 0.5 + libm::log2(between) / 0.7)
+        }
+
+        /// The length of the payload that is found, if it has room; what is to be cut if none is long enough; and how
+        /// many were written.
+        fn search(&self, max: usize) -> (usize, Option<Fineness>, u32) {
+            let mut search = search(max, self.blocks, |at| 1.25 * self.weighed(at) * 1.3);
+            let (mut found, mut count) = (0, 0);
+            let mut write = |search: &mut BudgetSearch<_>, weighed: f64| {
+                count += 1;
+                let len = (self.blocks + self.share * weighed) as usize;
+                found = if len <= max { found.max(len) } else { found };
+                search.written(len)
+            };
+            for _ in 0..10 {
+                let Some(at) = search.next() else { break };
+                let weighed = self.weighed(at);
+                if search.chosen(at, weighed) && write(&mut search, weighed) {
+                    return (found, None, count);
+                }
+            }
+            if let Some(at) = search.unwritten() {
+                search.chosen(at, self.weighed(at));
+                write(&mut search, self.weighed(at));
+            }
+            let cut = search.too_long();
+            (found, cut, count)
+        }
+    }
+
+    #[test]
+    fn a_payload_that_fills_the_budget_is_found_soon() {
+        for max in [60, 95, 290, 1000, 3000] {
+            for (blocks, share) in [(0.0, 1.25), (0.0, 1.4), (20.0, 1.25), (35.0, 1.15)] {
+                let frame = Frame { blocks, share, weighed: FALLING };
+                let (found, cut, count) = frame.search(max);
+                assert!(found <= max && found as f64 >= USED * max as f64, "{max}: {found}");
+                assert!(cut.is_none() && count <= 3, "{max} {blocks} {share}: {count} written");
+            }
+        }
+    }
+
+    #[test]
+    fn a_wrong_share_of_the_first_guesses_is_put_right() {
+        // By the first share all payloads would be 40 % shorter.
+        let frame = Frame { blocks: 0.0, share: 2.0, weighed: FALLING };
+        let (found, ..) = frame.search(1000);
+        assert!((980..=1000).contains(&found), "{found}");
+    }
+
+    #[test]
+    fn lengths_that_leap_over_the_budget_are_cut() {
+        let leap = |at: f64| if at < 30.0 { 400.0 } else { 40.0 };
+        let frame = Frame { blocks: 0.0, share: 1.25, weighed: leap };
+        let (found, cut, count) = frame.search(300);
+        assert_eq!((found, count), (50, 1));
+        assert!(cut.is_some_and(|at| frame.weighed(at) == 400.0));
+        // The same coefficients are not written again.
+        let frame = Frame { blocks: 0.0, share: 1.25, weighed: |_| 236.0 };
+        assert_eq!(frame.search(300), (295, None, 1));
+        let frame = Frame { blocks: 0.0, share: 1.25, weighed: |_| 230.0 };
+        let (found, cut, count) = frame.search(300);
+        assert_eq!((found, cut, count), (287, None, 1));
+    }
+}
