@@ -52,7 +52,7 @@ fn blocked_file(text: &str) -> Result<PathBuf, String> {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &args.out)?;
     let parts = Parts::read(args)?;
-    beside::place_filter(parts.filter.as_deref(), &args.out)?;
+    beside::check_filter(parts.filter.as_deref(), &args.out)?;
     let quantisation = Quantisation::default().scaled(args.coarseness);
     let writer = BlockedWriter { quantisation, block: args.block as usize };
     let Parts { splats, first, key_frames, .. } = &parts;
@@ -69,6 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let options = first.options();
     let written = writer.write(splats, options, &extras, BufWriter::new(file), &mut done);
     let placed = written.map_err(anyhow::Error::from).and_then(|summary| {
+        beside::place_filter(parts.filter.as_deref(), &args.out)?;
         std::fs::rename(&partial, &args.out).with_context(|| args.out.display().to_string())?;
         Ok(summary)
     });

@@ -86,7 +86,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         if let Some(tables) = &tables {
             tables_file::save(tables, &tables_file::path_beside(&out))?;
         }
-        beside::place_filter(filter_file::open_beside(&args.prior)?.as_ref(), &out)?;
+        let filter = filter_file::open_beside(&args.prior)?;
+        beside::check_filter(filter.as_ref(), &out)?;
+        beside::place_filter(filter.as_ref(), &out)?;
     }
     let prior = if tables.is_some() { prior.with_coder_tables(tables) } else { prior };
     if let Some(views) = &views {

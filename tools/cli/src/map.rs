@@ -155,6 +155,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let options = args.options(from.as_ref());
     options.render.check()?;
     saved::check_out(&args.out)?;
+    if let Some(prior) = &from {
+        beside::check_tables(prior, container, &args.out)?;
+    }
     if let Some(folder) = &args.report {
         saved::check_report(folder)?;
     }
@@ -267,11 +270,13 @@ fn write(
     if let Some(prior) = from {
         let camera = views[0].0;
         views.extend(prior.key_frames().poses().iter().map(|pose| (camera, *pose)));
-        beside::place_tables(prior, container, &args.out)?;
     }
     let key_frames = key_frames::of_run(&splats, render.near, &views)?;
     let tables = tables.map(AsRef::as_ref);
     let bytes = container.write(&splats, render, &key_frames, tables, preprocessing)?;
+    if let Some(prior) = from {
+        beside::place_tables(prior, container, &args.out)?;
+    }
     replace_file(&args.out, &bytes)?;
     let prior = Prior::open(&args.out, &Default::default())?;
     match from {

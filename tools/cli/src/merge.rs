@@ -53,8 +53,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         merged.coder_tables().map(AsRef::as_ref),
         merged.preprocessing(),
     )?;
+    let filter = prior.filter_weights().map(AsRef::as_ref);
+    beside::check_tables(&merged, container, &args.out)?;
+    beside::check_filter(filter, &args.out)?;
     beside::place_tables(&merged, container, &args.out)?;
-    beside::place_filter(prior.filter_weights().map(AsRef::as_ref), &args.out)?;
+    beside::place_filter(filter, &args.out)?;
     replace_file(&args.out, &bytes)?;
     // A compact file is quantised, which makes it another prior once more.
     let written = Prior::open(&args.out, &Default::default())?;

@@ -62,7 +62,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     replace_file(&out, &content)?;
     if let Kind::Compact = kind {
         record::carry((path, &prior), &out)?;
-        beside::place_filter(filter_file::open_beside(path)?.as_ref(), &out)?;
+        let filter = filter_file::open_beside(path)?;
+        beside::check_filter(filter.as_ref(), &out)?;
+        beside::place_filter(filter.as_ref(), &out)?;
     }
     gain::print(&run.held_out, &tables);
     row("written", format!("{}, {} bytes", out.display(), content.len()));

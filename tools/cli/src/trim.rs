@@ -96,8 +96,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     beside::check_key_frames(&args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
-    beside::place_tables(&prior, container, &args.out)?;
-    beside::place_filter(prior.filter_weights().map(AsRef::as_ref), &args.out)?;
+    let filter = prior.filter_weights().map(AsRef::as_ref);
+    beside::check_tables(&prior, container, &args.out)?;
+    beside::check_filter(filter, &args.out)?;
     let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;
     let mut whole = PictureRenderer::new(&engine, &prior)?;
@@ -115,6 +116,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ..TrimOptions::new(*prior.options(), bench.tolerance())
     };
     let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;
+    beside::place_tables(&prior, container, &args.out)?;
+    beside::place_filter(filter, &args.out)?;
     let bytes = bench.save(&splats)?;
     record::carry((&args.prior, &prior), &args.out)?;
     let reduced = Prior::open(&args.out, &Default::default())?;

@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context as _;
-
 use indicatif::ProgressBar;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{PriorError, Splats};
+use nvsprior::prior::{PriorError, Splats, replace_file};
 use nvsprior::{Engine, Prior};
 use nvsprior_train::trim::{Judge, Round, Step};
 
@@ -116,11 +114,10 @@ impl<'a> Bench<'a> {
         self.container.write(splats, options, key_frames, tables, self.prior.preprocessing())
     }
 
-    /// Writes a prior to the file asked for; its bytes.
-    pub fn save(&self, splats: &Splats) -> anyhow::Result<usize> {
+    /// Writes a prior to the file asked for, or replaces it; its bytes.
+    pub fn save(&self, splats: &Splats) -> Result<usize, PriorError> {
         let bytes = self.content(splats)?;
-        std::fs::write(&self.out, &bytes)
-            .with_context(|| format!("writing {}", self.out.display()))?;
+        replace_file(&self.out, &bytes)?;
         Ok(bytes.len())
     }
 

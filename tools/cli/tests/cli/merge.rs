@@ -264,6 +264,21 @@ fn a_prior_that_is_made_of_another_has_its_filter() {
 }
 
 #[test]
+fn work_that_fails_leaves_an_earlier_prior_as_it_was() {
+    let dive = Dive::new();
+    filter_file::save(&FilterWeights::zero(), &dive.path("prior.ply.filter")).unwrap();
+    for (command, out) in [
+        ("trim prior.ply --cameras nowhere.json", "earlier.ply"),
+        ("blocks prior.ply --coarseness=-1", "earlier.nvsb"),
+    ] {
+        std::fs::write(dive.path(out), "an earlier prior").unwrap();
+        dive.run(&format!("{command} --out {out}")).ends_with(1);
+        assert_eq!(dive.bytes(out), b"an earlier prior", "{command}");
+        assert!(!dive.path(&format!("{out}.filter")).exists(), "{command}");
+    }
+}
+
+#[test]
 fn a_merged_prior_says_what_it_has_learnt_on_which_dive() {
     let Merge { dive, updates } = Merge::new();
     dive.run("merge prior.ply b.nvsu --out one.nvsg").ends_with(0);
