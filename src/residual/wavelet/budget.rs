@@ -12,7 +12,7 @@ const OFF_AT_FIRST: f64 = 0.03;
 const OFF: f64 = 0.01;
 /// It may also be off by so many bytes.
 const OFF_BYTES: f64 = 2.0;
-/// Fewer weighed bytes count as so many.
+/// Fewer weighed bytes count as this many.
 const LEAST: f64 = 0.1;
 
 /// Coefficients that were chosen at a fineness.
@@ -32,34 +32,30 @@ pub struct BudgetSearch<M> {
     max: usize,
     /// What the blocks take.
     blocks: f64,
+    /// Bytes in all for each weighed one, and by which share that may be off.
     share: f64,
     off: f64,
     tries: [Option<Try>; MOST_TOLD],
     count: usize,
 }
 
-/// Begins a search. `blocks`: what the blocks of the frame take. `model`: a payload's length at a fineness without
-/// them, roughly.
-pub fn search<M: Fn(Fineness) -> f64>(
-    max: usize,
-    blocks: f64,
-    model: M,
-) -> BudgetSearch<impl Fn(Fineness) -> f64> {
-    let bracket = Bracket::new(0.0, move |at| model(at).ln());
-    let mut search = BudgetSearch {
-        bracket,
-        max,
-        blocks,
-        share: SHARE,
-        off: OFF_AT_FIRST,
-        tries: [None; MOST_TOLD],
-        count: 0,
-    };
-    search.aim();
-    search
-}
-
 impl<M: Fn(Fineness) -> f64> BudgetSearch<M> {
+    /// `blocks`: what the blocks of the frame take. `model`: the natural logarithm of a payload's length at a fineness
+    /// without them, roughly.
+    pub fn new(max: usize, blocks: f64, model: M) -> BudgetSearch<M> {
+        let mut search = BudgetSearch {
+            bracket: Bracket::new(0.0, model),
+            max,
+            blocks,
+            share: SHARE,
+            off: OFF_AT_FIRST,
+            tries: [None; MOST_TOLD],
+            count: 0,
+        };
+        search.aim();
+        search
+    }
+
     /// The length that is looked for.
     fn target(&self) -> f64 {
         (0.5 * (1.0 + USED) * self.max as f64).max(1.0)
@@ -165,7 +161,8 @@ mod tests {
         /// The length of the payload that is found, if it has room; what is to be cut if none is long enough; and how
         /// many were written.
         fn search(&self, max: usize) -> (usize, Option<Fineness>, u32) {
-            let mut search = search(max, self.blocks, |at| 1.25 * self.weighed(at) * 1.3);
+            let model = |at| (1.25 * self.weighed(at) * 1.3).ln();
+            let mut search = BudgetSearch::new(max, self.blocks, model);
             let (mut found, mut count) = (0, 0);
             let mut write = |search: &mut BudgetSearch<_>, weighed: f64| {
                 count += 1;

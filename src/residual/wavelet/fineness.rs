@@ -62,10 +62,10 @@ struct Told {
 
 /// Numbers that can be told.
 pub const MOST_TOLD: usize = 16;
-/// The search ends if two trials are nearer to each other than this, one of them too fine and one too coarse. A trial
-/// stays so far from others if it can; from both of them by this share of their distance, if the last two were on one
-/// side.
+/// The search ends if a trial that is too fine and one that is too coarse are nearer than this. The next trial stays so
+/// far from the earlier ones, unless they are too near to each other.
 const ASIDE: f64 = 0.02;
+/// If the last two trials were on one side, the next one stays this share of the distance away from both ends.
 const SHARE_ASIDE: f64 = 0.3;
 
 impl<M: Fn(Fineness) -> f64> Bracket<M> {

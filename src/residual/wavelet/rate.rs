@@ -7,7 +7,7 @@ use crate::packet::{Coder, Reference, Residual, residual_part_len};
 
 use super::super::interest::Interest;
 use super::super::rate::{Content, Rate, RateResult};
-use super::budget;
+use super::budget::BudgetSearch;
 use super::decoder::WaveletDecoder;
 use super::displaced::Earlier;
 use super::encoder::WaveletEncoder;
@@ -429,7 +429,7 @@ impl RateEncoder {
     fn search_within(&mut self, frame: &Picture, render: &Picture, max: usize) {
         let blocks = self.encoder.block_bytes();
         let model = self.encoder.model();
-        let mut search = budget::search(max, blocks, |at| model.bytes(at));
+        let mut search = BudgetSearch::new(max, blocks, |at| model.bytes(at).ln());
         let last = self.probes + MAX_PROBES;
         while let Some(fineness) = search.next().filter(|_| self.probes < last) {
             let weighed = self.choose(fineness);
