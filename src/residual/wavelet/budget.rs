@@ -35,8 +35,8 @@ pub struct BudgetSearch<M> {
     /// Bytes in all for each weighed one, and by which share that may be off.
     share: f64,
     off: f64,
+    /// In their order.
     tries: [Option<Try>; MOST_TOLD],
-    count: usize,
 }
 
 impl<M: Fn(Fineness) -> f64> BudgetSearch<M> {
@@ -50,7 +50,6 @@ impl<M: Fn(Fineness) -> f64> BudgetSearch<M> {
             share: SHARE,
             off: OFF_AT_FIRST,
             tries: [None; MOST_TOLD],
-            count: 0,
         };
         search.aim();
         search
@@ -93,9 +92,8 @@ impl<M: Fn(Fineness) -> f64> BudgetSearch<M> {
         let len = self.tries().find(is_same).and_then(|other| other.len);
         let new = Try { at, weighed, len };
         let guess = self.len(&new);
-        if let Some(place) = self.tries.get_mut(self.count) {
+        if let Some(place) = self.tries.iter_mut().find(|place| place.is_none()) {
             *place = Some(new);
-            self.count += 1;
         }
         len.is_none() && (guess - self.target()).abs() <= self.off * self.target() + OFF_BYTES
     }
@@ -103,10 +101,7 @@ impl<M: Fn(Fineness) -> f64> BudgetSearch<M> {
     /// What was chosen last was written; if it is longer than the budget, `len` may be anything above it. Whether that
     /// ends the search.
     pub fn written(&mut self, len: usize) -> bool {
-        let Some(last) = self.count.checked_sub(1).and_then(|last| self.tries[last].as_mut())
-        else {
-            return false;
-        };
+        let Some(last) = self.tries.iter_mut().flatten().last() else { return false };
         last.len = Some(len);
         self.share = (len as f64 - self.blocks).max(LEAST) / last.weighed;
         self.off = OFF;

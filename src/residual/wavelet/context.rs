@@ -191,9 +191,9 @@ impl<'a> BandContext<'a> {
         InterValue { predicted, around }
     }
 
-    /// The render and the decoded coarser picture along a part of a row: inputs 18 to 32 for magnitudes, and all for
-    /// quiet contexts. The first two say where the coefficient lies. A frame that is predicted from an earlier one has
-    /// that prediction in their place.
+    /// What is seen of the render and of the decoded coarser picture along a part of a row: inputs 18 to 32 for
+    /// magnitudes, and all inputs for quiet contexts. The first two of them say where the coefficient lies. If the
+    /// frame is predicted from an earlier one, the first two are that prediction instead.
     pub fn see(&self, xs: Range<usize>, y: usize, seen: &mut [QuietInputs]) {
         let Band { level, width, height, .. } = self.band;
         let inter = self.frame.inter_seen();

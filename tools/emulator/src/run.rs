@@ -361,7 +361,8 @@ impl<'a> Run<'a> {
         Ok(true)
     }
 
-    /// Whether all subgroups passed as many barriers of their own. Not if they are large: see [`Error::Uneven`].
+    /// Fails unless all subgroups passed as many barriers of their own. Large subgroups are not compared: see
+    /// [`Error::Uneven`].
     fn compare_passed(&mut self) -> Result<(), Error> {
         if self.dispatch.subgroup > MOST_EVEN {
             return Ok(());
