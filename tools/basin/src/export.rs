@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nvsprior::Camera;
-use nvsprior_inputs::run_writer::{RunView, RunWriter, RunWriterError};
+use nvsprior_runs::{RunView, RunWriter, RunWriterError};
 
 use super::DemoFrame;
 

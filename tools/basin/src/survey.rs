@@ -4,7 +4,6 @@
 use glam::DVec2;
 use nvsprior::Picture;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens, LensError};
-use nvsprior_inputs::video::frame_name;
 
 use super::sensor::{self, Disturbance};
 use super::trace::{self, Rays};
@@ -49,7 +48,7 @@ pub fn survey(
         let seed = (tag << 24) | index as u32;
         let (width, height) = rays.size();
         let picture: Picture = sensor::expose(radiance, width, height, &disturbance, seed);
-        DemoFrame { name: frame_name(index), picture, pose, time }
+        DemoFrame { name: format!("{index:06}.png"), picture, pose, time }
     })
 }
 

@@ -17,7 +17,7 @@ use doubt::DoubtFolder;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::keys::KeyArgs;
-use nvsprior_inputs::{frame_file, values};
+use nvsprior_inputs::values;
 use truth::TruthArgs;
 use updates::Updates;
 
@@ -198,7 +198,7 @@ fn decode(
     }
     let name = path.with_extension("png");
     let name = Path::new(name.file_name().context("a packet without a name")?);
-    frame_file::write_png(&args.frames.join(name), &decoded.picture)?;
+    nvsprior_runs::write_png(&args.frames.join(name), &decoded.picture)?;
     args.truth.write(name, &decoded.picture, &decoded.truth)?;
     if let Some(doubt) = doubt {
         doubt.write(name, decoder, &decoded.pose)?;

@@ -13,7 +13,6 @@ use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
 use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
-use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
@@ -22,10 +21,10 @@ use nvsprior_inputs::values::{self, OutputError};
 use nvsprior_inputs::video_input::VideoInputArgs;
 
 use crate::keyed_files::FileTags;
-use crate::sheet::{self, SheetRow};
 use crate::summary::{self, Row};
 use crate::updates::DiveFile;
 use frames::Frames;
+use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Encode the frames of a camera file, or of a video, to packets
 ///
@@ -275,7 +274,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         summary::write(path, &rows)?;
     }
     if let Some(path) = &args.sheet {
-        sheet::write(path, &pictures)?;
+        write_contact_sheet(path, &pictures)?;
     }
     args.device.check(&engine)
 }
@@ -315,7 +314,7 @@ fn encode(
     let update_bytes = learn::learn_more(encoder, dive_file, &mut tags.updates, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
-        frame_file::write_png(&path, &encoded.picture)?;
+        nvsprior_runs::write_png(&path, &encoded.picture)?;
     }
     let time = input.external.time;
     let row = Row { file: input.file.clone(), time, update_bytes, stats: encoded.stats };

@@ -22,7 +22,6 @@ mod mission;
 mod picture_renderer;
 mod record;
 mod render;
-mod sheet;
 mod split;
 mod summary;
 mod tables;
@@ -79,6 +78,8 @@ enum Command {
     Doubt(doubt::Args),
     Bench(bench::Args),
     Demo(demo::Args),
+    #[command(hide = true, name = nvsprior_demo::topside::TOPSIDE)]
+    DemoTopside(demo::TopsideArgs),
     Devices(devices::Args),
     Stability(stability::Args),
     VerifyDevice(verify_device::Args),
@@ -108,8 +109,9 @@ fn main() -> ExitCode {
         Command::Tables(args) => tables::run(&args),
         Command::Filter(args) => filter::run(&args),
         Command::Doubt(args) => doubt::run(&args),
-        Command::Bench(args) => bench::run(&args, demo::prior),
+        Command::Bench(args) => bench::run(&args, nvsprior_demo::prior::shipped),
         Command::Demo(args) => demo::run(&args),
+        Command::DemoTopside(args) => demo::serve(&args),
         Command::Devices(args) => devices::run(&args),
         Command::Stability(args) => stability::run(&args),
         Command::VerifyDevice(args) => return report(verify_device::run(&args)),

@@ -97,7 +97,7 @@ fn draw_many(
     let bar = progress(poses.len(), "renders");
     for (name, pose) in poses {
         let picture = to_picture(camera, renderer.draw(pose)?);
-        frame_file::write_png(&folder.join(format!("{name}.png")), &picture)?;
+        nvsprior_runs::write_png(&folder.join(format!("{name}.png")), &picture)?;
         bar.inc(1);
     }
     args.device.check(&engine)
@@ -114,7 +114,7 @@ fn draw_one(args: &Args, camera: &Camera, pose: &Pose) -> anyhow::Result<()> {
     let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
     let pixels = renderer.draw(pose)?;
     if let Some(path) = &args.out {
-        frame_file::write_png(path, &to_picture(camera, pixels))?;
+        nvsprior_runs::write_png(path, &to_picture(camera, pixels))?;
     }
     if let Some(path) = &args.raw {
         write_npy(path, camera, pixels).with_context(|| format!("writing {}", path.display()))?;

@@ -13,11 +13,11 @@ use nvsprior_train::trim::{TrimOptions, trim};
 use crate::container::Container;
 use crate::mission::{self, Mission, MissionArgs};
 use crate::picture_renderer::PictureRenderer;
-use crate::sheet::{self, SheetRow};
 use crate::{beside, record};
 use judge::{Bench, Loss};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
+use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Write a prior reduced to what a mission's views need
 ///
@@ -165,5 +165,5 @@ fn write_sheet(
     };
     let rows: anyhow::Result<Vec<SheetRow>> =
         mission::spaced(places, SHEET_ROWS).map(row).collect();
-    sheet::write(path, &rows?)
+    Ok(write_contact_sheet(path, &rows?)?)
 }

@@ -277,6 +277,9 @@ pub(crate) fn with_ending(file: PathBuf) -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use nvsprior::{Picture, Pose};
+    use nvsprior_runs::{RunView, RunWriter, RunWriterError};
+
     use super::*;
 
     fn parse(value: Value) -> Result<CameraFile, CameraFileError> {
@@ -375,5 +378,30 @@ mod tests {
         let mut value = nerfstudio();
         value["frames"][0]["transform_matrix"][3] = serde_json::json!([0, 0, 0, null, 1]);
         assert!(parse(value).is_err());
+    }
+
+    #[test]
+    fn what_a_run_writer_writes_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let writer = RunWriter::new(&folder.path().join("run"));
+        let camera = Camera { width: 8, height: 4, fx: 7.0, fy: 7.5, cx: 4.0, cy: 2.0 };
+        let picture = Picture { width: 8, height: 4, data: (0..96).collect() };
+        let mut views = Vec::new();
+        for (i, name) in ["../a/1.jpg", "a/2.png"].iter().enumerate() {
+            let file = writer.picture(name, &picture).unwrap();
+            let camera = Camera { fx: 7.0 + i as f32, ..camera };
+            let pose = Pose { translation: glam::DVec3::new(0.1, 0.2, i as f64), ..Pose::IDENTITY };
+            views.push(RunView { file, split: "s".into(), camera, pose, time: None });
+        }
+        writer.list(camera, &views).unwrap();
+        let read = CameraFile::open(&folder.path().join("run/cameras.json")).unwrap();
+        for (own, view) in views.iter().zip(&read.views) {
+            assert_eq!(own.camera, view.camera);
+            assert_eq!(Some(own.pose), view.pose);
+            let found = image::open(&view.file).unwrap().into_rgb8().into_raw();
+            assert_eq!(found, picture.data);
+        }
+        views[1].file = views[0].file.clone();
+        assert!(matches!(writer.list(camera, &views), Err(RunWriterError::Twice { .. })));
     }
 }

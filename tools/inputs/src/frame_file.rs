@@ -89,13 +89,6 @@ pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
     (ratio(a) / ratio(b) - 1.0).abs() <= SHAPE_TOLERANCE
 }
 
-pub fn write_png(path: &Path, picture: &Picture) -> Result<(), FrameFileError> {
-    let Picture { width, height, data } = picture;
-    let format = ImageFormat::Png;
-    image::save_buffer_with_format(path, data, *width, *height, image::ColorType::Rgb8, format)
-        .map_err(|error| FrameFileError::Image { path: path.to_path_buf(), error })
-}
-
 /// The column that names a frame: by its file.
 const FILE: &str = "file";
 const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
@@ -199,6 +192,8 @@ pub fn read_known_by(
 
 #[cfg(test)]
 mod tests {
+    use nvsprior_runs::write_png;
+
     use super::*;
 
     #[test]

@@ -17,8 +17,6 @@ pub mod navigation;
 pub mod points;
 pub mod posed;
 pub mod progress;
-pub mod run_writer;
-pub mod sheet;
 pub mod structure;
 pub mod tune;
 pub mod undistort;

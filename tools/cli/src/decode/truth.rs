@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nvsprior::Picture;
 use nvsprior::truth::TruthMap;
-use nvsprior_inputs::{frame_file, values};
+use nvsprior_inputs::values;
 
 use anyhow::Context;
 
@@ -44,7 +44,7 @@ impl TruthArgs {
         if let Some(folder) = &self.overlay {
             let mut shown = picture.clone();
             map.draw_over(&mut shown);
-            frame_file::write_png(&folder.join(name), &shown)?;
+            nvsprior_runs::write_png(&folder.join(name), &shown)?;
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use nvsprior::Camera;
-use nvsprior_basin::{Conditions, DemoFrame, Dive, Run, Site, camera_of_width};
+use nvsprior_basin::{Conditions, Dive, Run, Site, camera_of_width};
 use nvsprior_inputs::args::progress;
 use nvsprior_inputs::values::{self, WrongUsage};
 
@@ -117,25 +117,5 @@ pub fn draw_mapping_run(out: &Path, camera: Camera, site: Site) -> anyhow::Resul
     nvsprior_basin::write_run(&folder, name, camera, run, |_| bar.inc(1))?;
     bar.finish_and_clear();
     println!("the mapping run is in {}", folder.display());
-    Ok(())
-}
-
-/// Draws a dive into a folder of its run's name, with its camera file, as `nvsprior encode` reads it. Gives each frame
-/// to `drawn` once its file is there.
-pub fn draw_dive(
-    out: &Path,
-    camera: Camera,
-    dive: &Dive,
-    count: usize,
-    mut drawn: impl FnMut(&DemoFrame),
-) -> anyhow::Result<()> {
-    let name = dive.run.name();
-    let bar = progress(count, "drawing an inspection run");
-    let frames = nvsprior_basin::dive_by(camera, *dive, count, Conditions::CALM);
-    nvsprior_basin::write_run(&out.join(name), name, camera, frames, |frame| {
-        drawn(frame);
-        bar.inc(1);
-    })?;
-    bar.finish_and_clear();
     Ok(())
 }

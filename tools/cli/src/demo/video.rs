@@ -7,9 +7,9 @@ use anyhow::Context;
 use nvsprior::geometry::Distortion;
 use nvsprior_basin::{COURSE, Conditions, Filmed, survey, survey_lens};
 use nvsprior_inputs::args::progress;
-use nvsprior_inputs::frame_file::write_png;
 use nvsprior_inputs::values;
-use nvsprior_inputs::video::{DecoderChoice, encode_video};
+use nvsprior_inputs::video::{DecoderChoice, encode_video, frame_name};
+use nvsprior_runs::write_png;
 
 /// What is drawn as a video.
 #[derive(clap::Args)]
@@ -54,9 +54,11 @@ impl VideoArgs {
         let mut poses = String::from("file,time,qw,qx,qy,qz,tx,ty,tz\n");
         let filmed = if self.later { Filmed::Dive } else { Filmed::Survey };
         let bar = progress(frames, "drawing");
-        for frame in survey(&lens, filmed, frames, self.fps, Conditions::CALM) {
-            write_png(&folder.join(&frame.name), &frame.picture)?;
-            let name = frame.name.trim_end_matches(".png");
+        let drawn = survey(&lens, filmed, frames, self.fps, Conditions::CALM);
+        for (index, frame) in drawn.enumerate() {
+            let file = frame_name(index);
+            write_png(&folder.join(&file), &frame.picture)?;
+            let name = file.trim_end_matches(".png");
             let ([w, x, y, z], t) = (frame.pose.wxyz(), frame.pose.translation);
             writeln!(poses, "{name},{},{w},{x},{y},{z},{},{},{}", frame.time, t.x, t.y, t.z)?;
             bar.inc(1);

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 use super::inputs::HeldOut;
-use crate::sheet::{self, SheetRow};
+use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Steps whose time counts: the last ones, with all splats in use.
 const TIMED: usize = 200;
@@ -192,7 +192,10 @@ impl Report {
             let render = mapper.picture(&view.camera, &view.pose)?;
             rows.push(SheetRow { frame: view.picture.clone(), render, reconstruction: None });
         }
-        if rows.is_empty() { Ok(()) } else { sheet::write(path, &rows) }
+        if !rows.is_empty() {
+            write_contact_sheet(path, &rows)?;
+        }
+        Ok(())
     }
 
     /// PSNR of pictures that are trained on, as many as are held out, evenly spread; dB.

@@ -3,7 +3,9 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::*;
-use crate::frame_file::{read_frame, write_png};
+use nvsprior_runs::write_png;
+
+use crate::frame_file::read_frame;
 use nvsprior::geometry::Distortion;
 
 /// A folder with pictures `images/a.png`, `images/b.png` of 40×30, grey of 50 and 200.

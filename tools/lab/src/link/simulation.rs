@@ -8,7 +8,6 @@ use std::sync::Arc;
 use nvsprior::Engine;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
-use nvsprior_inputs::frame_file;
 use nvsprior_link::vehicle::{CameraFrame, SentPacket, Vehicle};
 
 use super::Setting;
@@ -215,7 +214,7 @@ impl<'a> Simulation<'a> {
     fn display(&mut self, frame: usize) -> anyhow::Result<()> {
         let (shown, picture) = self.topside.show(frame as u32)?;
         if let Some(folder) = self.frames_out {
-            frame_file::write_png(&folder.join(format!("{frame:04}.png")), picture)?;
+            nvsprior_runs::write_png(&folder.join(format!("{frame:04}.png")), picture)?;
         }
         let wanted = self.footage.as_large_as(frame, picture)?;
         let region = self.footage.region(frame).map(|region| region.psnr(picture, wanted));

@@ -259,7 +259,7 @@ fn code_jpeg_xl(pictures: &[Picture], distance: f64, folder: &Path) -> anyhow::R
     let mut outcome = CodedRun::new(distance);
     let distance = distance.to_string();
     for picture in pictures {
-        frame_file::write_png(&file("in.png"), picture)?;
+        nvsprior_runs::write_png(&file("in.png"), picture)?;
         let arguments = [raw.as_str(), &coded, "-d", &distance, "-e", "9", "--quiet"];
         let (_, ms) = timed(|| run_program("cjxl", &arguments))?;
         outcome.encode_ms += ms;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use nvsprior::Picture;
-use nvsprior_inputs::frame_file::write_png;
 use nvsprior_inputs::values::make_folder;
+use nvsprior_runs::write_png;
 use serde::Serialize;
 
 use super::Set;

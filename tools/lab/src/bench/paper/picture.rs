@@ -10,8 +10,8 @@ use embedded_graphics::mono_font::ascii::{FONT_8X13, FONT_8X13_BOLD};
 use embedded_graphics::pixelcolor::{Rgb888, RgbColor};
 use embedded_graphics::prelude::{DrawTarget, Pixel};
 use embedded_graphics::text::Text;
-use image::RgbImage;
-use nvsprior_inputs::sheet::Sheet;
+use nvsprior::Picture;
+use nvsprior_runs::Sheet;
 
 use super::row::{Entry, Row};
 use crate::bench::codecs::run::Run;
@@ -52,7 +52,7 @@ pub fn write(path: &Path, frames: &Run, entries: &[Entry]) -> anyhow::Result<()>
             label(&mut sheet, column, line, &row.method, &below);
         }
     }
-    sheet.save(path)
+    Ok(sheet.save(path)?)
 }
 
 fn named<'a>(entries: &'a [Entry], name: &str) -> Option<&'a Row> {
@@ -62,7 +62,7 @@ fn named<'a>(entries: &'a [Entry], name: &str) -> Option<&'a Row> {
 /// Writes two lines above a picture.
 fn label(sheet: &mut Sheet, column: u32, line: u32, above: &str, below: &str) {
     let [left, top] = sheet.place(column, line).map(|place| place as i32);
-    let mut canvas = Canvas(sheet.image());
+    let mut canvas = Canvas(sheet.picture());
     for (text, down, font) in [(above, 12, &FONT_8X13_BOLD), (below, 27, &FONT_8X13)] {
         let style = MonoTextStyle::new(font, Rgb888::WHITE);
         let Ok(_) = Text::new(text, Point::new(left, top + down), style).draw(&mut canvas);
@@ -70,11 +70,11 @@ fn label(sheet: &mut Sheet, column: u32, line: u32, above: &str, below: &str) {
 }
 
 /// A picture that text is drawn on; what lies beside it is left out.
-struct Canvas<'a>(&'a mut RgbImage);
+struct Canvas<'a>(&'a mut Picture);
 
 impl OriginDimensions for Canvas<'_> {
     fn size(&self) -> Size {
-        Size::new(self.0.width(), self.0.height())
+        Size::new(self.0.width, self.0.height)
     }
 }
 
@@ -86,10 +86,12 @@ impl DrawTarget for Canvas<'_> {
         &mut self,
         pixels: I,
     ) -> Result<(), Infallible> {
+        let Picture { width, height, data } = &mut *self.0;
         for Pixel(at, colour) in pixels {
             let place = u32::try_from(at.x).ok().zip(u32::try_from(at.y).ok());
-            if let Some(pixel) = place.and_then(|(x, y)| self.0.get_pixel_mut_checked(x, y)) {
-                *pixel = image::Rgb([colour.r(), colour.g(), colour.b()]);
+            if let Some((x, y)) = place.filter(|(x, y)| x < width && y < height) {
+                let at = 3 * (y as usize * *width as usize + x as usize);
+                data[at..at + 3].copy_from_slice(&[colour.r(), colour.g(), colour.b()]);
             }
         }
         Ok(())

@@ -4,7 +4,9 @@ use std::path::Path;
 
 use nvsprior::Picture;
 use nvsprior::residual::difference;
-use nvsprior_inputs::sheet::Sheet;
+
+use crate::png_file::PngFileError;
+use crate::sheet::Sheet;
 
 pub struct SheetRow {
     pub frame: Picture,
@@ -12,7 +14,7 @@ pub struct SheetRow {
     pub reconstruction: Option<Picture>,
 }
 
-pub fn write(path: &Path, rows: &[SheetRow]) -> anyhow::Result<()> {
+pub fn write_contact_sheet(path: &Path, rows: &[SheetRow]) -> Result<(), PngFileError> {
     let cell =
         rows.iter().fold((0, 0), |(w, h), row| (row.frame.width.max(w), row.frame.height.max(h)));
     let columns = if rows.iter().any(|row| row.reconstruction.is_some()) { 4 } else { 3 };

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use nvsprior::{Camera, Picture, Pose};
 use serde::Serialize;
 
+use crate::png_file::{PngFileError, write_png};
+
 #[derive(Debug, thiserror::Error)]
 pub enum RunWriterError {
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: std::io::Error },
-    #[error("cannot write the picture {}: {source}", path.display())]
-    Picture { path: PathBuf, source: image::ImageError },
+    #[error(transparent)]
+    Picture(#[from] PngFileError),
     #[error("two pictures would be written to {}: rename one of them", path.display())]
     Twice { path: PathBuf },
 }
@@ -82,9 +84,7 @@ impl RunWriter {
         let parent = path.parent().unwrap_or(&self.folder);
         std::fs::create_dir_all(parent)
             .map_err(|source| RunWriterError::Write { path: parent.to_path_buf(), source })?;
-        let Picture { width, height, data } = picture;
-        image::save_buffer(&path, data, *width, *height, image::ColorType::Rgb8)
-            .map_err(|source| RunWriterError::Picture { path, source })?;
+        write_png(&path, picture)?;
         Ok(file)
     }
 
@@ -132,37 +132,11 @@ fn file_of(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera_file::CameraFile;
 
     #[test]
     fn names_stay_within_the_folder() {
         assert_eq!(file_of("train/0001.png"), "train/0001.png");
         assert_eq!(file_of("../../a/./b.JPG"), "a/b.png");
         assert_eq!(file_of("/c:\\d.webp"), "c-/d.png");
-    }
-
-    #[test]
-    fn what_is_written_is_read() {
-        let folder = tempfile::tempdir().unwrap();
-        let writer = RunWriter::new(&folder.path().join("run"));
-        let camera = Camera { width: 8, height: 4, fx: 7.0, fy: 7.5, cx: 4.0, cy: 2.0 };
-        let picture = Picture { width: 8, height: 4, data: (0..96).collect() };
-        let mut views = Vec::new();
-        for (i, name) in ["../a/1.jpg", "a/2.png"].iter().enumerate() {
-            let file = writer.picture(name, &picture).unwrap();
-            let camera = Camera { fx: 7.0 + i as f32, ..camera };
-            let pose = Pose { translation: glam::DVec3::new(0.1, 0.2, i as f64), ..Pose::IDENTITY };
-            views.push(RunView { file, split: "s".into(), camera, pose, time: None });
-        }
-        writer.list(camera, &views).unwrap();
-        let read = CameraFile::open(&folder.path().join("run/cameras.json")).unwrap();
-        for (own, view) in views.iter().zip(&read.views) {
-            assert_eq!(own.camera, view.camera);
-            assert_eq!(Some(own.pose), view.pose);
-            let found = image::open(&view.file).unwrap().into_rgb8().into_raw();
-            assert_eq!(found, picture.data);
-        }
-        views[1].file = views[0].file.clone();
-        assert!(matches!(writer.list(camera, &views), Err(RunWriterError::Twice { .. })));
     }
 }

@@ -5,18 +5,28 @@ use std::path::Path;
 
 use anyhow::Context as _;
 use nvsprior::Camera;
-use nvsprior_lab::report::write_json;
 use serde_json::{Value, json};
+
+/// What one frame took.
+#[derive(Clone, Copy)]
+pub struct Figures {
+    pub bytes: usize,
+    pub psnr: f64,
+    pub milliseconds: f64,
+    pub renders: u32,
+}
 
 /// Means over the frames of a run.
 pub struct Table {
     pub camera: Camera,
     pub run: &'static str,
     pub frames: usize,
+    /// Whether the run has more frames than these.
+    pub is_part: bool,
     pub rows: Vec<TableRow>,
 }
 
-/// One method: sums while it is filled, means after [`TableRow::mean`].
+/// One method: means over frames.
 pub struct TableRow {
     method: String,
     bytes: f64,
@@ -26,25 +36,16 @@ pub struct TableRow {
 }
 
 impl TableRow {
-    pub fn new(method: impl Into<String>) -> TableRow {
-        TableRow { method: method.into(), bytes: 0.0, psnr: 0.0, milliseconds: 0.0, renders: 0.0 }
-    }
-
-    pub fn add(&mut self, bytes: usize, psnr: f64, milliseconds: f64, renders: u32) {
-        self.bytes += bytes as f64;
-        self.psnr += psnr;
-        self.milliseconds += milliseconds;
-        self.renders += f64::from(renders);
-    }
-
-    pub fn mean(self, frames: usize) -> TableRow {
-        let n = frames.max(1) as f64;
+    pub fn mean_of(method: impl Into<String>, frames: &[Figures]) -> TableRow {
+        let mean = |figure: fn(&Figures) -> f64| {
+            frames.iter().map(figure).sum::<f64>() / frames.len().max(1) as f64
+        };
         TableRow {
-            bytes: self.bytes / n,
-            psnr: self.psnr / n,
-            milliseconds: self.milliseconds / n,
-            renders: self.renders / n,
-            ..self
+            method: method.into(),
+            bytes: mean(|frame| frame.bytes as f64),
+            psnr: mean(|frame| frame.psnr),
+            milliseconds: mean(|frame| frame.milliseconds),
+            renders: mean(|frame| f64::from(frame.renders)),
         }
     }
 }
@@ -74,20 +75,30 @@ impl Table {
 
 /// Writes table.txt and table.json to a folder.
 pub fn write(folder: &Path, tables: &[Table]) -> anyhow::Result<()> {
-    let path = folder.join("table.txt");
     let text: String = tables.iter().map(|table| format!("{table}\n")).collect();
-    std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
     let values: Vec<Value> = tables.iter().flat_map(Table::values).collect();
-    write_json(&folder.join("table.json"), &values)
+    for (name, bytes) in
+        [("table.txt", text.into_bytes()), ("table.json", serde_json::to_vec_pretty(&values)?)]
+    {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).with_context(|| format!("writing {}", path.display()))?;
+    }
+    Ok(())
 }
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Camera { width, height, .. } = self.camera;
-        writeln!(f, "{}, {} frames of {width}×{height}", self.run, self.frames)?;
+        match (self.is_part, self.frames) {
+            (true, 1) => write!(f, "{}, its first frame alone, {width}×{height}", self.run)?,
+            (true, frames) => {
+                write!(f, "{}, its first {frames} frames of {width}×{height}", self.run)?
+            }
+            (false, frames) => write!(f, "{}, {frames} frames of {width}×{height}", self.run)?,
+        }
         write!(
             f,
-            "{:36} {:>12} {:>8} {:>10} {:>10} {:>8}",
+            "\n{:36} {:>12} {:>8} {:>10} {:>10} {:>8}",
             "method", "size, bytes", "ratio", "PSNR, dB", "time, ms", "renders"
         )?;
         for row in &self.rows {

@@ -1,0 +1,86 @@
+//! A run, encoded here and decoded by the topside.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use nvsprior::render::Scene;
+use nvsprior::residual::ResidualCoder;
+use nvsprior::tracking::Optimizer;
+use nvsprior::{Camera, Encoder, EncoderOptions, Engine, Rate};
+use nvsprior_basin::DemoFrame;
+use nvsprior_runs::SheetRow;
+
+use crate::table::Figures;
+use crate::topside::Topside;
+
+/// A frame starts from the one before if the mean squared error there is below this.
+const THRESHOLD: f64 = 1e-2;
+/// The error of a simulated estimator at the first frame: a step (metres, radians).
+const FIRST_OFFSET: [f64; 6] = [0.08, -0.06, 0.10, 0.035, -0.044, 0.026];
+
+/// What all codings share.
+pub struct Coder<'a> {
+    pub engine: &'a Engine,
+    pub scene: &'a Arc<Scene>,
+    pub camera: Camera,
+    pub topside: Topside,
+}
+
+/// What came of a run, frame by frame.
+#[derive(Default)]
+pub struct Coded {
+    pub figures: Vec<Figures>,
+    pub pictures: Vec<SheetRow>,
+}
+
+impl Coder<'_> {
+    /// Encodes frames, has each packet decoded, and compares what the topside shows with what the encoder predicted.
+    pub fn code(
+        &mut self,
+        run: &Path,
+        frames: &[DemoFrame],
+        (optimizer, residual): (Optimizer, ResidualCoder),
+        rate: Rate,
+    ) -> anyhow::Result<Coded> {
+        let rate = Some(rate);
+        let mut options =
+            EncoderOptions { threshold: THRESHOLD, rate, residual, ..Default::default() };
+        options.refine.optimizer = optimizer;
+        let mut encoder = Encoder::new(self.engine, self.scene, &self.camera, options)?;
+        let packets = run.join(format!("packets-{}", optimizer.name()));
+        let decoded = run.join(format!("decoded-{}", optimizer.name()));
+        for folder in [&packets, &decoded] {
+            std::fs::create_dir_all(folder)
+                .with_context(|| format!("making {}", folder.display()))?;
+        }
+        let mut coded = Coded::default();
+        for (index, frame) in frames.iter().enumerate() {
+            let start = (index == 0).then(|| frame.pose.stepped(&FIRST_OFFSET));
+            let encoded = encoder.encode(&frame.picture, start)?;
+            let packet = packets.join(&frame.name).with_extension("nvsp");
+            std::fs::write(&packet, &encoded.packet)
+                .with_context(|| format!("writing {}", packet.display()))?;
+            let shown = decoded.join(&frame.name);
+            let topside = self.topside.show(&packet, &shown)?;
+            anyhow::ensure!(
+                topside == encoded.picture,
+                "{}: the topside shows another picture than the encoder predicted",
+                shown.display()
+            );
+            let stats = &encoded.stats;
+            let (bytes, psnr) = (stats.bytes, stats.psnr);
+            let (milliseconds, renders) = (stats.milliseconds, stats.full_renders);
+            let camera = run.join(run.file_name().unwrap_or_default()).join(&frame.name);
+            println!("  {}: what the camera saw", camera.display());
+            println!("  {}: what the topside shows, {bytes} bytes, {psnr:.1} dB", shown.display());
+            coded.figures.push(Figures { bytes, psnr, milliseconds, renders });
+            coded.pictures.push(SheetRow {
+                frame: frame.picture.clone(),
+                render: encoded.render,
+                reconstruction: Some(topside),
+            });
+        }
+        Ok(coded)
+    }
+}

@@ -1,0 +1,13 @@
+//! The demo's job: two inspection runs of the basin, encoded, decoded in another process, and compared.
+
+// Not published: names that tell what they are need no comment.
+#![allow(missing_docs)]
+
+mod coding;
+mod job;
+pub mod prior;
+mod table;
+pub mod topside;
+mod webp;
+
+pub use job::{Job, draw_dive, run};

@@ -1,0 +1,83 @@
+//! Pictures as PNG files.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use nvsprior::Picture;
+use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Filter};
+
+#[derive(Debug, thiserror::Error)]
+pub enum PngFileError {
+    #[error("cannot write {}: {error}", path.display())]
+    Write { path: PathBuf, error: png::EncodingError },
+    #[error("cannot read {}: {error}", path.display())]
+    Read { path: PathBuf, error: png::DecodingError },
+    #[error("{}: a PNG of 8-bit RGB is needed, as this program writes them", path.display())]
+    Kind { path: PathBuf },
+}
+
+/// Writes a picture as a PNG, whatever the file's name ends in.
+pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PngFileError> {
+    let failed = |error| PngFileError::Write { path: path.to_path_buf(), error };
+    let file = File::create(path).map_err(|error| failed(error.into()))?;
+    let mut buffered = BufWriter::new(file);
+    encode(&mut buffered, picture).map_err(failed)?;
+    buffered.flush().map_err(|error| failed(error.into()))
+}
+
+fn encode(to: &mut impl Write, picture: &Picture) -> Result<(), png::EncodingError> {
+    let mut encoder = Encoder::new(to, picture.width, picture.height);
+    encoder.set_color(ColorType::Rgb);
+    encoder.set_depth(BitDepth::Eight);
+    encoder.set_compression(Compression::Fast);
+    encoder.set_filter(Filter::Adaptive);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&picture.data)?;
+    writer.finish()
+}
+
+/// Reads a picture that [`write_png`] wrote.
+pub fn read_png(path: &Path) -> Result<Picture, PngFileError> {
+    let failed = |error| PngFileError::Read { path: path.to_path_buf(), error };
+    let strange = || PngFileError::Kind { path: path.to_path_buf() };
+    let file = File::open(path).map_err(|error| failed(error.into()))?;
+    let mut reader = Decoder::new(BufReader::new(file)).read_info().map_err(failed)?;
+    let info = reader.info();
+    let (width, height) = info.size();
+    if (info.color_type, info.bit_depth) != (ColorType::Rgb, BitDepth::Eight) {
+        return Err(strange());
+    }
+    let mut data = vec![0; reader.output_buffer_size().ok_or_else(strange)?];
+    reader.next_frame(&mut data).map_err(failed)?;
+    Picture::from_rgb(width, height, data).ok_or_else(strange)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let picture = Picture::from_rgb(4, 2, (0..24).collect()).unwrap();
+        write_png(&path, &picture).unwrap();
+        assert_eq!(read_png(&path).unwrap(), picture);
+    }
+
+    #[test]
+    fn what_is_no_picture_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::write(&path, b"no picture").unwrap();
+        let error = read_png(&path).unwrap_err();
+        assert!(matches!(error, PngFileError::Read { .. }) && error.to_string().contains("a.png"));
+        let grey = Encoder::new(File::create(&path).unwrap(), 1, 1);
+        grey.write_header().unwrap().write_image_data(&[7]).unwrap();
+        assert!(matches!(read_png(&path), Err(PngFileError::Kind { .. })));
+        let nowhere = folder.path().join("none/a.png");
+        let error = write_png(&nowhere, &Picture::new(1, 1)).unwrap_err();
+        assert!(error.to_string().contains("none/a.png"), "{error}");
+    }
+}
