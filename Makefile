@@ -6,7 +6,10 @@ SHADER_TARGET ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/nvsprior/shaders
 GLIBC ?= 2.31
 SHADER_TOOLCHAIN := nightly-2026-08-15
 
-.PHONY: help demo console console-test console-soak demo-prior ageing quick test gst gst-test c-test c-test-memory \
+# What every command that builds the tests' profile names: cargo builds crates anew for another choice of packages.
+ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
+
+.PHONY: help demo console console-test console-soak demo-prior ageing quick test long-test other-devices gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
 	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables \
@@ -22,7 +25,8 @@ help:
 	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
 	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
-	@echo "make test           all tests"
+	@echo "make test           the tests: some ten minutes, compiling counted"
+	@echo "make long-test      those that take long: the laboratory's commands, memory, learning at length"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
 	@echo "make figures        measures what the documents show, into docs/results/: two hours, goes on after a cut;"
@@ -40,6 +44,7 @@ help:
 	@echo "                    (/usr/local), LIBDIR and INCLUDEDIR there, all below DESTDIR"
 	@echo "make uninstall      removes it; give the same variables"
 	@echo "make firmware       the C library at its smallest, for glibc 2.31 and newer, in target/; prints sizes"
+	@echo "make other-devices  the same pictures on SwiftShader, and the library's definition on 64-bit ARM, under QEMU"
 	@echo "make portability    the same pictures on Mesa, old and new, and SwiftShader; fetches the drivers"
 	@echo "make package        the crates as they are published, each built from its packed file"
 	@echo "make package-test   programs against the installed library, shared and static"
@@ -61,9 +66,10 @@ help:
 	@echo "                    report and page in target/device-report/; DEVICE=NAME chooses another device"
 	@echo "make gpu-check      ask a GPU's compiler about them, without a GPU: docs/gpu.md; RENEW=1 renews its table"
 
+# A program of its own, by the profile that compiles fast. `nvsprior demo` does the same.
 demo:
 	@scripts/setup.sh run
-	cargo run --release --bin nvsprior -- demo --out demo-out
+	cargo run -p nvsprior-demo -- --out demo-out
 
 console:
 	@scripts/setup.sh run
@@ -104,13 +110,18 @@ ageing:
 # The unit tests, and the integration tests that need no device or few frames.
 quick:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst --exclude nvsprior-python --lib --test architecture \
+	cargo test $(ALL) --lib --test architecture \
 		--test conformance --test definition --test encode_decode --test fuzz_corpus --test modem_link --test modules \
 		--test prior_formats --test search --test stream --test wavelet
 
 test:
 	@scripts/setup.sh run test
-	cargo test --workspace --exclude nvsprior-gst --exclude nvsprior-python
+	cargo test $(ALL)
+
+# They have `test = false` in Cargo.toml.
+long-test:
+	@scripts/setup.sh run test
+	cargo test $(ALL) --test capi_long --test updates_over_link --test long
 
 conformance:
 	@scripts/setup.sh conformance
@@ -118,7 +129,7 @@ conformance:
 
 vectors:
 	@scripts/setup.sh run test
-	RENEW=1 cargo test --package nvsprior --test conformance
+	RENEW=1 cargo test $(ALL) --test conformance
 
 figures:
 	@scripts/setup.sh run
@@ -164,7 +175,7 @@ lint:
 	python3 scripts/figures/tables.py check
 	python3 scripts/licences.py check
 	cargo fmt --all --check
-	cargo clippy --workspace --exclude nvsprior-gst --exclude nvsprior-python --all-targets -- -D warnings
+	cargo clippy $(ALL) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels
 
 lib:
@@ -185,6 +196,11 @@ package:
 portability:
 	@scripts/setup.sh run
 	scripts/portability.sh
+
+other-devices:
+	@scripts/setup.sh run cross
+	scripts/portability.sh swiftshader
+	scripts/cross-test.sh aarch64-unknown-linux-gnu definition
 
 package-test:
 	@scripts/setup.sh lib c
@@ -259,7 +275,7 @@ shaders-check: shader-toolchain
 
 gpu-check:
 	@scripts/setup.sh gpu-check
-	cargo build --workspace --exclude nvsprior-gst --exclude nvsprior-python --bin gpu-check
+	cargo build $(ALL) --bin gpu-check
 	$${CARGO_TARGET_DIR:-target}/debug/gpu-check $(if $(RENEW),--renew)
 
 device-report:

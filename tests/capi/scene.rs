@@ -2,12 +2,12 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior::prior::{KeyFrames, compact};
-use nvsprior::render::Plan;
-use nvsprior::{Camera, Engine, Picture, Prior};
+use nvsprior::render::{Plan, Scene};
+use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Prior};
 
 use crate::common::write_blocked;
 use crate::wall;
@@ -29,7 +29,9 @@ pub fn folder() -> &'static Path {
 
 /// Writes `prior.ply`, `prior.nvsg`, `prior.nvsb`, `other.ply` with three key frames beside it, `frame-0.ppm` and so
 /// on; `update-1.nvsu` and `update-2.nvsu`, a chain of updates of the prior; `preprocessed.ply`, the same prior with a
-/// preprocessing, and `treated-0.ppm`, the first frame as that leaves it; and `scene.txt`: one line with the camera
+/// preprocessing, and `treated-0.ppm`, the first frame as that leaves it; `expected-0.nvsp` and `expected-0.ppm`, the
+/// first frame's packet and what it shows, by which `scripts/c-test.sh` sees whether the library as it is installed,
+/// built by another profile, gives the same bytes; and `scene.txt`: one line with the camera
 /// (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
@@ -62,6 +64,7 @@ fn write(folder: &Path) {
         add_object(&mut picture);
         write_ppm(&folder.join(format!("frame-{t}.ppm")), &picture);
         if t == 0 {
+            write_expected(folder, &engine, &scene, &picture);
             Preprocessor::new(&preprocessing).apply(&mut picture);
             write_ppm(&folder.join("treated-0.ppm"), &picture);
         }
@@ -70,6 +73,15 @@ fn write(folder: &Path) {
         writeln!(text, "{}", numbers.join(",")).unwrap();
     }
     std::fs::write(folder.join("scene.txt"), text).unwrap();
+}
+
+/// The first frame as `c-examples/encode_frame.c` and `decode_frame.c` code it.
+fn write_expected(folder: &Path, engine: &Engine, scene: &Arc<Scene>, frame: &Picture) {
+    let mut encoder = Encoder::new(engine, scene, &CAMERA, EncoderOptions::default()).unwrap();
+    let encoded = encoder.encode(frame, Some(wall::pose(0.0))).unwrap();
+    std::fs::write(folder.join("expected-0.nvsp"), &encoded.packet).unwrap();
+    let decoded = Decoder::new(engine, scene).decode(&encoded.packet).unwrap();
+    write_ppm(&folder.join("expected-0.ppm"), &decoded.picture);
 }
 
 /// The prior in the compact format. Its splats are rounded, so it is another prior.

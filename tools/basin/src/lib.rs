@@ -23,6 +23,8 @@ mod trace;
 mod trajectory;
 mod water;
 
+use std::ops::Range;
+
 use nvsprior::{Camera, Picture, Pose};
 
 pub use export::write_run;
@@ -135,9 +137,10 @@ pub fn mapping_run_by(
         Site::Quay => 4,
         Site::Row => 8,
     };
-    site.mapping_poses().into_iter().enumerate().map(move |(index, pose)| {
+    let poses = site.mapping_poses();
+    drawn(poses.len(), move |index| {
         // The mapping run takes its time: a picture every 4 seconds.
-        draw(&scene, &camera, &conditions, pose, index, 4.0 * index as f64, tag)
+        draw(&scene, &camera, &conditions, poses[index], index, 4.0 * index as f64, tag)
     })
 }
 
@@ -168,7 +171,7 @@ pub fn dive_by(
     conditions: Conditions,
 ) -> impl ExactSizeIterator<Item = DemoFrame> {
     let scene = dive.scene();
-    (0..frames).map(move |index| {
+    drawn(frames, move |index| {
         let time = index as f64 / dive.rate;
         let pose = dive.pose(time);
         let draw = |scene: &Scene| draw(scene, &camera, &conditions, pose, index, time, dive.tag());
@@ -190,12 +193,43 @@ pub fn random_views(
     let mut random = Random::new(VIEWS_SEED);
     let even = std::iter::repeat_with(|| random.even());
     let poses: Vec<Pose> = trajectory::basin::random_poses(even).take(count).collect();
-    poses.into_iter().enumerate().map(move |(index, pose)| {
-        draw(&scene, &camera, &conditions, pose, index, 4.0 * index as f64, 3)
+    drawn(poses.len(), move |index| {
+        draw(&scene, &camera, &conditions, poses[index], index, 4.0 * index as f64, 3)
     })
 }
 
 const VIEWS_SEED: u64 = 11;
+
+/// Frames by their index. Those that are passed over (`skip`, `nth`) are not drawn.
+struct Frames<F> {
+    indices: Range<usize>,
+    draw: F,
+}
+
+fn drawn<F: FnMut(usize) -> DemoFrame>(
+    frames: usize,
+    draw: F,
+) -> impl ExactSizeIterator<Item = DemoFrame> {
+    Frames { indices: 0..frames, draw }
+}
+
+impl<F: FnMut(usize) -> DemoFrame> Iterator for Frames<F> {
+    type Item = DemoFrame;
+
+    fn next(&mut self) -> Option<DemoFrame> {
+        self.nth(0)
+    }
+
+    fn nth(&mut self, n: usize) -> Option<DemoFrame> {
+        self.indices.nth(n).map(&mut self.draw)
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.indices.size_hint()
+    }
+}
+
+impl<F: FnMut(usize) -> DemoFrame> ExactSizeIterator for Frames<F> {}
 
 fn draw(
     scene: &Scene,

@@ -2,6 +2,7 @@
 
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use nvsprior::prior::replace_file;
 use serde::Serialize;
@@ -53,7 +54,7 @@ impl<R: FolderRecord> LockedFolder<R> {
         let file = path.join(LOCK);
         let failed = FolderError::file(&file);
         let lock = File::options().create(true).append(true).open(&file).map_err(&failed)?;
-        match lock.try_lock() {
+        match try_for_a_moment(&lock) {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 return Err(FolderError::Busy { path, worker: R::WORKER });
@@ -73,6 +74,19 @@ impl<R: FolderRecord> LockedFolder<R> {
             serde_json::to_vec_pretty(&self.record).map_err(|error| failed(error.into()))?;
         replace_file(&path, &bytes).map_err(|error| failed(std::io::Error::other(error)))
     }
+}
+
+/// A lock that was given up may live on for a moment, in a program that another thread is just starting: the new process
+/// holds all open files until it runs that program.
+fn try_for_a_moment(lock: &File) -> Result<(), TryLockError> {
+    const TRIES: u32 = 20;
+    for _ in 1..TRIES {
+        match lock.try_lock() {
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            tried => return tried,
+        }
+    }
+    lock.try_lock()
 }
 
 /// The record of a folder; an empty one if the folder holds nothing but a lock.

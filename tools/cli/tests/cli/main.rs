@@ -1,15 +1,11 @@
 //! The command line, as scripts use it: arguments, files, exit codes.
 
-mod ablation;
-mod bench;
 mod blocks;
-mod codecs;
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
 mod console;
 mod decode;
 mod demo_prior;
-mod device_report;
 mod dive;
 mod encode;
 mod filter;
@@ -24,15 +20,13 @@ mod map_parts;
 #[cfg(unix)]
 mod map_structure;
 mod merge;
-mod paper;
 mod preprocessing;
-mod recovery;
 mod refusals;
 mod render;
 #[path = "../../../../tests/scene/mod.rs"]
 mod scene;
-mod stability;
 mod study;
 mod tables;
+mod treated;
 #[cfg(unix)]
 mod video;

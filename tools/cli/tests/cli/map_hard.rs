@@ -126,22 +126,6 @@ fn one_picture_and_black_ones_train_a_prior() {
 }
 
 #[test]
-fn ten_thousand_pictures_start_with_their_memory_stated() {
-    let camera = CAMERA.resized(32, 18);
-    let files: Vec<String> = (0..10_000).map(|t| format!("small/{}.png", t % 4)).collect();
-    let dive = listing(&camera, &files);
-    std::fs::create_dir(dive.path("small")).unwrap();
-    for t in 0..4 {
-        let image = image::open(dive.path(&format!("images/{t}.png"))).unwrap();
-        image.thumbnail_exact(32, 18).save(dive.path(&format!("small/{t}.png"))).unwrap();
-    }
-    let run = dive.run(&format!("{MAP} --held-out 100 --out a.ply")).ends_with(0);
-    run.says("9900 pictures of 32×18, 100 held out")
-        .says("MB of host memory")
-        .says("device memory");
-}
-
-#[test]
 fn points_that_are_none_are_named_and_no_points_are_no_error() {
     let dive = Dive::new();
     let header = |count: usize| {

@@ -1,44 +1,13 @@
 //! White balance and CLAHE: `map` states them in the prior, and what the other commands make of that.
 
-use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
+use nvsprior::image::{Clahe, Preprocessing};
 use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::{Picture, Prior};
 
-use crate::dive::{Dive, FRAMES, INPUT, name, pictures, save};
+use crate::dive::{Dive, FRAMES, pictures};
 use crate::scene::{wall, write_prior};
 use crate::study::row;
-
-fn preprocessing() -> Preprocessing {
-    let clahe = Some(Clahe::new(3.0, Clahe::TILES).unwrap());
-    Preprocessing { white_balance: WhiteBalance::GrayWorld, clahe }
-}
-
-fn treated(picture: &Picture) -> Picture {
-    let mut treated = picture.clone();
-    Preprocessor::new(&preprocessing()).apply(&mut treated);
-    treated
-}
-
-/// A dive whose prior states the preprocessing.
-fn preprocessed() -> Dive {
-    let dive = Dive::new();
-    write_prior(&dive.path("prior.ply"), &wall(1).with_preprocessing(preprocessing()));
-    dive
-}
-
-/// A dive whose pictures on disk are treated, and whose prior says nothing.
-fn treated_by_hand() -> Dive {
-    let dive = Dive::new();
-    for (t, picture) in pictures().iter().enumerate() {
-        save(&treated(picture), &dive.path(&name(t)));
-    }
-    dive
-}
-
-fn open(dive: &Dive, name: &str) -> Prior {
-    Prior::open(&dive.path(name), &Default::default()).unwrap()
-}
+use crate::treated::{open, preprocessed, preprocessing, treated, treated_by_hand};
 
 #[test]
 fn map_treats_its_pictures_and_states_it_in_the_prior() {
@@ -122,23 +91,4 @@ fn copies_and_reduced_priors_keep_it() {
         let out = command.rsplit(' ').next().unwrap();
         assert_eq!(open(&dive, out).preprocessing(), &preprocessing(), "{out}");
     }
-}
-
-#[test]
-fn trim_tables_and_bench_compare_with_the_treated_pictures() {
-    let (dive, by_hand) = (preprocessed(), treated_by_hand());
-    for dive in [&dive, &by_hand] {
-        dive.run("tables --cameras cameras.json --rounds 1 --prior prior.ply --out a.tables")
-            .ends_with(0);
-        let fit = "--steps 1 --share 0.3 --fit frames --out small.nvsg";
-        dive.run(&format!("trim prior.ply --cameras cameras.json {fit}")).ends_with(0);
-        let small = "--trials 0 --bfgs-frames 0 --configurations 0 --report out";
-        dive.run(&format!("bench {INPUT} --starts camera-file {small}")).ends_with(0);
-    }
-    assert_eq!(dive.bytes("a.tables"), by_hand.bytes("a.tables"));
-    let splats = |dive| open(dive, "small.nvsg").splats().clone();
-    assert_eq!(splats(&dive), splats(&by_hand));
-    let best = |dive: &Dive| dive.json("out/report.json")["best_known"].clone();
-    assert_eq!(best(&dive), best(&by_hand));
-    assert!(best(&dive)[0]["psnr"].as_f64().is_some());
 }
