@@ -9,7 +9,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 # What every command that builds the tests' profile names: cargo builds crates anew for another choice of packages.
 ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
-.PHONY: help demo console console-test console-soak demo-prior ageing quick test long-test other-devices gst gst-test c-test c-test-memory \
+.PHONY: help demo console console-test console-soak demo-prior ageing quick test long-test \
+	other-devices gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
 	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables \
@@ -121,7 +122,7 @@ test:
 # They have `test = false` in Cargo.toml.
 long-test:
 	@scripts/setup.sh run test
-	cargo test $(ALL) --test capi_long --test updates_over_link --test long
+	cargo test $(ALL) --test capi --test updates_over_link --test long
 
 conformance:
 	@scripts/setup.sh conformance

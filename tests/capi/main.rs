@@ -1,9 +1,8 @@
-//! The C library, tested with the programs in `tests/c`: each is one test here. Those that take long are in `long.rs`.
-//! `scripts/c-test.sh` runs all of them against the installed library, and under memory checkers.
+//! The C library, tested with the programs in `tests/c`: each is one test here. `scripts/c-test.sh` runs them against
+//! the installed library, and under memory checkers.
 
 #[path = "../common/mod.rs"]
 mod common;
-#[macro_use]
 mod programs;
 mod scene;
 #[path = "../scene/mod.rs"]
@@ -19,6 +18,15 @@ fn scene_is_written() {
     assert_ne!(prior.id(), other.id());
 }
 
+macro_rules! programs {
+    ($($name:ident: $arguments:expr;)*) => {
+        $(#[test]
+        fn $name() {
+            programs::run(stringify!($name), &$arguments);
+        })*
+    };
+}
+
 programs! {
     structs: [];
     nulls: [];
@@ -29,14 +37,43 @@ programs! {
     pipelined: [];
     stream: [];
     decoding: [];
+    truth: [];
+    blocks: [];
+    held_memory: [];
+    threads: [];
     given_device: [];
     dmabuf: [];
     unprotected: [];
     updates: [];
+    garbage: [];
+    allocations: [];
+    soak: ["200"];
 }
 
 /// `make c-test` sends 10,500 packets; this, 400.
 #[test]
 fn shares() {
     programs::run_few("shares");
+}
+
+/// `make c-test` fails each allocation once; this, some.
+#[test]
+fn no_memory() {
+    programs::run_few("no_memory");
+}
+
+/// The figures mean something for an optimised library only; that frames take no memory holds for this one, too.
+#[test]
+fn figures() {
+    programs::run_few("figures");
+}
+
+#[test]
+fn lost_device() {
+    programs::run_with_layer("lost_device", "lost_device_layer");
+}
+
+#[test]
+fn hung_device() {
+    programs::run_with_layer("hung_device", "lost_device_layer");
 }

@@ -1,21 +1,10 @@
 //! Building and running the programs.
-#![allow(dead_code)] // Each test binary uses a part.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
 use crate::scene;
-
-/// A test for each program.
-macro_rules! programs {
-    ($($name:ident: $arguments:expr;)*) => {
-        $(#[test]
-        fn $name() {
-            programs::run(stringify!($name), &$arguments);
-        })*
-    };
-}
 
 const FLAGS: [&str; 8] =
     ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-O1", "-g", "-pthread"];

@@ -1,12 +1,9 @@
 //! The demo, as a program of its own: with little to compile, a newcomer sees pictures soon. `nvsprior demo` does the
 //! same, and draws more.
 
-use std::num::NonZeroUsize;
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::Context;
-use lexopt::ValueExt;
 use nvsprior::Engine;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior_basin::{CAMERA, Dive, Run};
@@ -20,16 +17,32 @@ const USAGE: &str =
   --device       the Vulkan device: a part of its name";
 
 fn main() -> ExitCode {
-    match work() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let done = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        [topside::TOPSIDE, prior] => topside::serve(Path::new(prior)),
+        ["--help"] => {
+            println!("{USAGE}");
+            return ExitCode::SUCCESS;
+        }
+        _ => match wanted(&arguments) {
+            Ok((job, device)) => demo(&job, device),
+            Err(error) => {
+                eprintln!("nvsprior-demo: {error}\n{USAGE}");
+                return ExitCode::from(2);
+            }
+        },
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("nvsprior-demo: {error:#}");
-            ExitCode::from(if error.is::<lexopt::Error>() { 2 } else { 1 })
+            ExitCode::FAILURE
         }
     }
 }
 
-fn work() -> anyhow::Result<()> {
+/// What the arguments ask for, and the device's name; or what is wrong with them.
+fn wanted(arguments: &[String]) -> Result<(Job, Option<String>), String> {
     let mut job = Job {
         out: "demo-out".into(),
         camera: CAMERA,
@@ -38,27 +51,23 @@ fn work() -> anyhow::Result<()> {
         bfgs_frames: 1,
         quality: 20.0,
     };
-    let mut options = DeviceOptions::default();
-    let mut arguments = lexopt::Parser::from_env();
-    while let Some(argument) = arguments.next()? {
-        match argument {
-            lexopt::Arg::Long("out") => job.out = arguments.value()?.into(),
-            lexopt::Arg::Long("frames") => {
-                job.frames = arguments.value()?.parse::<NonZeroUsize>()?.get()
-            }
-            lexopt::Arg::Long("bfgs-frames") => job.bfgs_frames = arguments.value()?.parse()?,
-            lexopt::Arg::Long("device") => options.device = Some(arguments.value()?.string()?),
-            lexopt::Arg::Long("help") => {
-                println!("{USAGE}");
-                return Ok(());
-            }
-            lexopt::Arg::Value(word) if word == topside::TOPSIDE => {
-                return topside::serve(Path::new(&arguments.value()?));
-            }
-            other => return Err(other.unexpected()).context(USAGE),
+    let mut device = None;
+    for pair in arguments.chunks(2) {
+        let [option, value] = pair else { return Err(format!("{}: a value is missing", pair[0])) };
+        let number = || value.parse::<usize>().map_err(|e| format!("{option} {value}: {e}"));
+        match option.as_str() {
+            "--out" => job.out = value.into(),
+            "--frames" => job.frames = number()?,
+            "--bfgs-frames" => job.bfgs_frames = number()?,
+            "--device" => device = Some(value.clone()),
+            _ => return Err(format!("no option is called {option}")),
         }
     }
-    let engine = Engine::new(&options)?;
+    if job.frames == 0 { Err("--frames: at least 1".into()) } else { Ok((job, device)) }
+}
+
+fn demo(job: &Job, device: Option<String>) -> anyhow::Result<()> {
+    let engine = Engine::new(&DeviceOptions { device, ..DeviceOptions::default() })?;
     eprintln!("device: {}", engine.device());
-    run(&job, &engine)
+    run(job, &engine)
 }

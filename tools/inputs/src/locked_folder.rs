@@ -76,8 +76,8 @@ impl<R: FolderRecord> LockedFolder<R> {
     }
 }
 
-/// A lock that was given up may live on for a moment, in a program that another thread is just starting: the new process
-/// holds all open files until it runs that program.
+/// A lock that was given up may live on for a moment, in a program that another thread is just starting: the new
+/// process holds all open files until it runs that program.
 fn try_for_a_moment(lock: &File) -> Result<(), TryLockError> {
     const TRIES: u32 = 20;
     for _ in 1..TRIES {
