@@ -80,8 +80,8 @@ def poses(run, inputs):
 
 
 ALL = [
-    Measurement("demo", ["demo"], [f"{NVSPRIOR} demo --out OUT"], readers.rows_of_demo, readers.exact_of_demo,
-                quick=True),
+    Measurement("demo", ["demo"], [f"{NVSPRIOR} demo --bfgs-frames 5 --out OUT"], readers.rows_of_demo,
+                readers.exact_of_demo, quick=True),
     Measurement("reef", ["reef"], [
         f"{NVSPRIOR} bench --prior REEF/prior.ply {REEF} --report OUT/bench",
         f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets "
