@@ -71,9 +71,12 @@ impl Coder<'_> {
             let stats = &encoded.stats;
             let (bytes, psnr) = (stats.bytes, stats.psnr);
             let (milliseconds, renders) = (stats.milliseconds, stats.full_renders);
-            let camera = run.join(run.file_name().unwrap_or_default()).join(&frame.name);
-            println!("  {}: what the camera saw", camera.display());
-            println!("  {}: what the topside shows, {bytes} bytes, {psnr:.1} dB", shown.display());
+            println!("  frame {}: {bytes} bytes, {psnr:.1} dB", index + 1);
+            if index == 0 {
+                let camera = run.join(run.file_name().unwrap_or_default()).join(&frame.name);
+                println!("    {}: what the camera saw", camera.display());
+                println!("    {}: what the topside shows", shown.display());
+            }
             coded.figures.push(Figures { bytes, psnr, milliseconds, renders });
             coded.pictures.push(SheetRow {
                 frame: frame.picture.clone(),

@@ -62,11 +62,10 @@ pub fn draw_dive(
 impl Job {
     fn tables(&self, dive: &Dive, coder: &mut Coder) -> anyhow::Result<Vec<Table>> {
         let name = dive.run.name();
-        println!("\n{name}: drawing {} frames", self.frames);
+        println!("\n{name}: {} frames are drawn and encoded", self.frames);
         let mut frames = Vec::new();
         draw_dive(&self.out, self.camera, dive, self.frames, |frame| frames.push(frame.clone()))?;
         let folder = self.out.join(name);
-        println!("{name}: encoding them");
         let quality = Rate::Quality(self.quality);
         let ours = (Optimizer::default(), ResidualCoder::Wavelet);
         let Coded { figures, pictures } = coder.code(&folder, &frames, ours, quality)?;
@@ -76,7 +75,7 @@ impl Job {
         if part == 0 {
             return Ok(vec![all]);
         }
-        println!("{name}: BFGS, as in the paper, on {part} of them: it takes seconds for each");
+        println!("{name}: {part} of them by BFGS, as in the paper: it takes seconds for each");
         let (frames, figures) = (&frames[..part], &figures[..part]);
         let psnr = TableRow::mean_of("", figures).psnr;
         let papers = (Optimizer::Bfgs, ResidualCoder::Webp);
