@@ -37,8 +37,8 @@ help:
 	@echo "make python-test    its tests, in a Python of their own"
 	@echo "make gst            the GStreamer plugin, in target/release/: docs/gstreamer.md"
 	@echo "make gst-test       its tests, and that document's pipelines on the demo's frames"
-	@echo "make c-test         the installed C library: header, examples, sanitizers, valgrind, a soak"
-	@echo "make c-test-memory  the same programs without memory: every allocation fails once, many limits; an hour"
+	@echo "make c-test         the installed C library: header, examples, sanitizers, a soak"
+	@echo "make c-test-memory  the same programs under valgrind, and without memory: each allocation fails once; an hour"
 	@echo "make lint           formatting, clippy, arrows between files, lengths of lines"
 	@echo "make lib            the C library, in target/"
 	@echo "make install        the C library with header, pkg-config and CMake files, to PREFIX"
@@ -166,7 +166,7 @@ c-test:
 
 c-test-memory:
 	@scripts/setup.sh run lib c
-	scripts/c-test.sh library c_programs every_allocation limits
+	scripts/c-test.sh library c_programs memcheck every_allocation limits
 
 lint:
 	@scripts/setup.sh lint

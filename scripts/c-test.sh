@@ -1,6 +1,6 @@
 #!/bin/sh
 # Tests the C library as a vendor gets it: installed into a folder, with its header, the examples, and the programs of
-# tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds sanitizers, valgrind and a soak. If you name groups,
+# tests/c. Usage: c-test.sh [quick|full|GROUP...]; full adds figures, sanitizers and a soak. If you name groups,
 # `library` must have installed the library before, except for sanitizers, memcheck, memcheck_all and soak; and
 # `c_programs` must have compiled the programs for every_allocation and limits.
 #
@@ -11,7 +11,7 @@ cd "$(dirname "$0")/.."
 quick="library header symbols abi readme examples c_programs"
 case ${1:-quick} in
 quick) groups=$quick ;;
-full) groups="$quick figures sanitizers memcheck soak" ;;
+full) groups="$quick figures sanitizers soak" ;;
 *) groups=$* ;;
 esac
 
