@@ -25,8 +25,8 @@ swiftshader=$(scripts/swiftshader.sh "$drivers/swiftshader") ||
 
 # The profile of `make test`, so that nothing is built twice.
 all="--workspace --exclude nvsprior-gst --exclude nvsprior-python"
-# shellcheck disable=SC2086 # Words.
-cargo build $all --bin nvsprior
+# shellcheck disable=SC2086 # Words. The test needs the program; `cargo build` alone would build most crates anew.
+cargo test $all --test cli --no-run
 program=${CARGO_TARGET_DIR:-target}/debug/nvsprior
 verify() { "$program" verify-device --scenes "$scenes"; }
 for bits in $([ $scenes = 50 ] && echo 256 || echo 128 256 512); do
