@@ -26,7 +26,7 @@ help:
 	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
 	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
-	@echo "make test           the tests: some ten minutes, compiling counted"
+	@echo "make test           the tests: a quarter of an hour, compiling counted"
 	@echo "make long-test      those that take long: the laboratory's commands, memory, learning at length"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
