@@ -24,10 +24,10 @@ help:
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md"
 	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
-	@echo "make ageing         bytes of a frame as the demo's site ages, with learning and mapping: half an hour"
+	@echo "make ageing         bytes of a frame as the demo's site ages, by streams and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           the tests: a quarter of an hour, compiling counted"
-	@echo "make long-test      those that take long: the laboratory's commands, memory, learning at length"
+	@echo "make long-test      those that take long: the laboratory's commands, memory"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
 	@echo "make figures        measures what the documents show, into docs/results/: two hours, goes on after a cut;"
@@ -122,7 +122,7 @@ test:
 # They have `test = false` in Cargo.toml.
 long-test:
 	@scripts/setup.sh run test
-	cargo test $(ALL) --test capi --test updates_over_link --test long
+	cargo test $(ALL) --test capi --test long
 
 conformance:
 	@scripts/setup.sh conformance

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior::keys::{Authenticator, Content, Key, Keys, Verifier};
-use nvsprior::packet::{Latent, PoseProfile, QuantisedPose};
+use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Session};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
 use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
@@ -107,10 +107,11 @@ fn code(criterion: &mut Criterion) {
 
     let pose =
         QuantisedPose::quantise(&scene::pose(0.0), &scene.coordinate_frame(), PoseProfile::Compact);
-    let latent = Latent::new(0, scene.id(), &scene::CAMERA, pose.expect("a pose in range"), false)
-        .expect("a camera that fits the header");
-    let (camera, residual) = (Some(scene::CAMERA), coded.residual);
-    let packet = Packet { latent, camera, render: None, residual, truth: None };
+    let session = Session { prior: scene.id(), camera: scene::CAMERA };
+    let latent = Latent::new(0, &session, pose.expect("a pose in range"), false)
+        .expect("a camera that fits a packet");
+    let (session, residual) = (Some(session), coded.residual);
+    let packet = Packet { latent, session, render: None, residual, truth: None };
     let bytes = packet.encode().expect("a packet");
     let mut group = criterion.benchmark_group("packet");
     group.bench_function("encode", |b| b.iter(|| black_box(&packet).encode()));

@@ -16,16 +16,14 @@ static int print_header(const uint8_t *packet, size_t size, const nvsp_prior *pr
         fprintf(stderr, "reading the header: %s\n", nvsp_status_text(status));
         return 0;
     }
-    if (header.flags & NVSP_HEADER_SHORT) {
-        // Only a decoder that has seen an earlier packet in the full form can decode it.
-        fprintf(stderr, "a short packet: prior and camera are those of an earlier one, by tag %02x\n",
-                header.session);
+    if (!(header.flags & NVSP_HEADER_SESSION)) {
+        // Only a decoder that has seen the packet that states them can decode it.
+        fprintf(stderr, "prior and camera are those that an earlier packet states, by tag %04x\n", header.tag);
         return 0;
     }
     printf("prior           %08x\n", header.prior_id);
     printf("frame           %u, %u x %u pixels\n", header.frame, header.width, header.height);
-    printf("latent part     %u bytes, profile %s\n", header.latent_bytes,
-           header.profile == NVSP_PROFILE_PAPER ? "paper" : "compact");
+    printf("latent part     %u bytes\n", header.latent_bytes);
     if (header.flags & NVSP_HEADER_POSE) {
         const double *q = header.pose.rotation, *t = header.pose.translation;
         printf("pose            %.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", q[0], q[1], q[2], q[3], t[0],

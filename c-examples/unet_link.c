@@ -81,14 +81,14 @@ static int show(nvsp_decoder *decoder, nvsp_collector *collector, uint32_t frame
         fprintf(stderr, "fetching: %s\n", nvsp_status_text(status));
         return 0;
     }
-    // A short packet's picture has the size of the one before.
+    // A packet that does not state its camera has a picture of the size of the one before.
     static uint32_t width, height;
-    if (!(header.flags & NVSP_HEADER_SHORT)) {
+    if (header.flags & NVSP_HEADER_SESSION) {
         width = header.width;
         height = header.height;
     }
     if (width == 0) {
-        fprintf(stderr, "a short packet, and none before it that names prior and camera in full\n");
+        fprintf(stderr, "no packet has stated prior and camera yet\n");
         return 0;
     }
     ppm picture = {width, height, NULL};
@@ -135,6 +135,15 @@ static void receive_all(unetsocket_t modem, nvsp_decoder *decoder, nvsp_collecto
     }
 }
 
+// Shares of the longest packet that the sender takes.
+static uint32_t most_shares(uint32_t mtu) {
+    if (mtu < 16) {
+        return 8;
+    }
+    const uint32_t shares = 1 + MAX_BYTES / (mtu - 4);
+    return shares < 2048 ? shares : 2048;
+}
+
 static int topside(unetsocket_t modem, uint32_t mtu, const char *prior_path, const char *folder) {
     nvsp_engine *engine = NULL;
     nvsp_prior *prior = NULL;
@@ -145,7 +154,7 @@ static int topside(unetsocket_t modem, uint32_t mtu, const char *prior_path, con
     if (open_prior(prior_path, &engine, &prior)) {
         NVSP_INIT(&options);
         options.flags = NVSP_COLLECTOR_MODEM_CHECKS;
-        options.shares = 1 + MAX_BYTES / (mtu > 31 ? mtu - 4 : 27);
+        options.shares = most_shares(mtu);
         nvsp_status status = nvsp_decoder_create(engine, prior, &decoder);
         if (status == NVSP_OK) {
             status = nvsp_collector_create(mtu, &options, &collector);

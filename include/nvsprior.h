@@ -216,18 +216,15 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 #define NVSP_PRIOR_ANTIALIASED 4
 // `background` is given.
 #define NVSP_PRIOR_BACKGROUND 8
-// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders
-// and decoders that share such a prior work in turn, not at once. It is no part of the identity.
-#define NVSP_PRIOR_UPDATES 16
 // `trained_focal` is given.
-#define NVSP_PRIOR_TRAINED_FOCAL 32
+#define NVSP_PRIOR_TRAINED_FOCAL 16
 
 // Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
 // must give the same.
 typedef struct nvsp_prior_options {
   uint32_t struct_size;
   uint32_t abi_version;
-  // NVSP_PRIOR_* bits: which of the fields below count, and NVSP_PRIOR_UPDATES.
+  // NVSP_PRIOR_* bits: which of the fields below count.
   uint32_t given;
   // Splats whose camera z is not above this are culled, in the prior's unit; above 0.
   float near_plane;
@@ -262,13 +259,12 @@ typedef struct nvsp_prior nvsp_prior;
 // most four times the size of a binary .ply, or eight times the size of a text .ply. A file of another format takes
 // more, by the factor by which it is packed.
 //
-// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
-// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
-// them. If PATH.keys is not valid, the call fails with NVSP_ERR_PRIOR.
+// Key frames, the poses at which a lost camera is looked for, are read too: from the prior's own file, or, if that is
+// of a foreign format, from the file PATH.nvsx beside it if there is one. They are no part of its identity; `nvsprior
+// key-frames` writes them. If PATH.nvsx is not valid, or about another prior, the call fails with NVSP_ERR_PRIOR.
 //
-// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
-// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
-// them.
+// Scene coder tables are read from an .nvsg or .nvsb. With them difference pictures take fewer bytes. They are part of
+// the prior's identity: both sides of a link need them. `nvsprior tables` writes them.
 //
 // A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
 // frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
@@ -278,8 +274,7 @@ typedef struct nvsp_prior nvsp_prior;
 // cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
 // the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
 // for it: see nvsp_prior_get_blocks. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
-// options and updates cannot be given with it, nor coder tables beside it. Encoders and decoders that share such a
-// prior work in turn.
+// options cannot be given with it. Encoders and decoders that share such a prior work in turn.
 //
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST; the text is the engine's.
@@ -339,11 +334,6 @@ typedef struct nvsp_camera {
 // The pose in 28 bytes, as in the paper.
 #define NVSP_PROFILE_PAPER 1
 
-// A packet has the short form, a latent part of 19 bytes, if an earlier packet stated its prior and camera.
-#define NVSP_FORM_SHORT 0
-// Every packet names prior and camera in full: a latent part of 31 bytes.
-#define NVSP_FORM_FULL 1
-
 // The wavelet coder codes the difference picture. It knows the prior's render.
 #define NVSP_RESIDUAL_WAVELET 0
 // WebP codes the difference picture, as in the paper.
@@ -376,7 +366,7 @@ typedef struct nvsp_camera {
 // For nvsp_encoder_options.key_every: no key frames after the first.
 #define NVSP_KEY_ONCE UINT32_MAX
 
-// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
+// For nvsp_encoder_options.camera_interval: prior and camera are stated with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
 // How to encode; all zero: the defaults.
@@ -399,9 +389,9 @@ typedef struct nvsp_encoder_options {
   float threshold;
   // Levels of the image pyramid, 1 to 6; 0: 4.
   uint32_t levels;
-  // Send the camera (18 bytes) again after this many frames, for a topside that missed it; 0: 64.
+  // State prior and camera (29 bytes) again after this many frames, for a topside that missed them; 0: 64.
   uint32_t camera_interval;
-  // Number of the first frame; packets carry it modulo 2^24.
+  // Number of the first frame; packets carry it modulo 2^16.
   uint32_t first_frame;
   // Send a check of the prior's render (6 bytes) with the first frame, and again after this many
   // frames. It tells the topside whether its render is the same. 0: never.
@@ -409,8 +399,6 @@ typedef struct nvsp_encoder_options {
   // Renders of the prior, of any size, that one frame may take to search afresh for its pose. A search that has
   // begun is finished, even if it takes more. If the frame finds no pose, the next frame searches again. 0: 96.
   uint32_t lost_renders;
-  // NVSP_FORM_*.
-  uint32_t form;
   // NVSP_RESIDUAL_*: the coder of the difference picture.
   uint32_t residual;
   // Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
@@ -429,11 +417,6 @@ typedef struct nvsp_encoder_options {
   // With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
   // after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
   uint32_t key_every;
-  // Steps of training per frame by which the encoder learns what frames show and the prior does not: see
-  // nvsp_encoder_learn. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per
-  // second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
-  // without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
-  uint32_t learn;
   // Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
   // map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
   // NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
@@ -719,9 +702,8 @@ typedef struct nvsp_picture {
 } nvsp_picture;
 
 // For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
-// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
-// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
-// matches.
+// difference picture is cut short, the decoder shows what arrived, a coarser picture. Without this flag it shows a
+// difference picture only if it is whole and its check matches.
 #define NVSP_DECODE_START 1
 
 // The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
@@ -734,17 +716,14 @@ typedef struct nvsp_picture {
 // The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
 // tell the vehicle: nvsp_encoder_acknowledge.
 #define NVSP_DECODED_KEPT 32
-// The frame is drawn with an update of the prior that has not come. The picture is the render without it, and does not
-// show what the vehicle saw.
-#define NVSP_DECODED_UPDATE_MISSING 64
 // The picture went through the display filter: see nvsp_decoder_set_filter.
-#define NVSP_DECODED_FILTERED 128
+#define NVSP_DECODED_FILTERED 64
 
 // What decoding a packet yielded besides the picture.
 typedef struct nvsp_decoded {
   uint32_t struct_size;
   uint32_t abi_version;
-  // Number of the frame, modulo 2^24.
+  // Number of the frame, completed from that of the packet before.
   uint32_t frame;
   // Pixels.
   uint32_t width;
@@ -752,20 +731,16 @@ typedef struct nvsp_decoded {
   uint32_t height;
   // Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_*.
   uint32_t flags;
-  // Rows, from the top, that the difference picture reached; the others are the prior's render
-  // alone. The start of a wavelet payload reaches all rows.
+  // Rows that the difference picture reached: all, or 0 if the picture is the prior's render alone.
   uint32_t rows;
   // NVSP_OK, or what was wrong with a part of the packet that the picture does without:
-  // NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_UNSUPPORTED (this library was built without its coder),
-  // NVSP_ERR_REFERENCE (its reference frame is missing), NVSP_ERR_UPDATE (an update is missing) or NVSP_ERR_PACKET
-  // (the camera).
+  // NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_NEWER (its coder is not known), NVSP_ERR_REFERENCE (its
+  // reference frame is missing) or NVSP_ERR_PACKET (prior and camera).
   nvsp_status damage;
   // The pose.
   struct nvsp_pose pose;
-  // With NVSP_DECODED_INTER: number of the reference frame, modulo 2^24; else 0.
+  // With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
   uint32_t reference;
-  // With NVSP_DECODED_UPDATE_MISSING: number of the update, modulo 256; else 0.
-  uint32_t missing_update;
 } nvsp_decoded;
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
@@ -873,11 +848,12 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // The bytes are no packet, or its latent part is damaged.
 #define NVSP_ERR_PACKET -19
 
-// The packet is about another prior than the one at hand.
+// The packet is about another prior than the one at hand. Or one before was, or its render was another, and this one
+// does not state its prior: wait for one that does.
 #define NVSP_ERR_OTHER_PRIOR -20
 
-// The packet's camera was sent in an earlier packet, which is missing. For a short packet this may
-// also mean that it is about another prior; the text tells.
+// The packet's tag is not that of the prior at hand with any camera known: the packet that states prior and camera is
+// missing, or it is about another prior.
 #define NVSP_ERR_CAMERA_UNKNOWN -21
 
 // The difference picture is damaged or cut short.
@@ -907,15 +883,11 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // nvsp_decoded.damage has it.
 #define NVSP_ERR_REFERENCE -29
 
-// An update of the prior is damaged, or does not stand on those before. In nvsp_decoded.damage: the update that the
-// frame is drawn with has not come.
-#define NVSP_ERR_UPDATE -30
-
 // No key that is held has made the tag: of a stranger or of another epoch, or damaged.
-#define NVSP_ERR_FOREIGN -31
+#define NVSP_ERR_FOREIGN -30
 
 // It has the right tag, and comes a second time.
-#define NVSP_ERR_REPLAYED -32
+#define NVSP_ERR_REPLAYED -31
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 //
@@ -1198,8 +1170,8 @@ nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
                                   float value) NVSP_NONNULL(1);
 
-// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside asks
-// what the packets are about, or if a packet was not sent.
+// Has the next packet state prior and camera. In a stream its frame is intra. Call it if a topside asks what the
+// packets are about, or if a packet was not sent.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 
@@ -1215,8 +1187,8 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
                                      uint32_t frame) NVSP_NONNULL(1);
 
-// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full
-// latent part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
+// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it states prior and
+// camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
 // is as fine as those of other frames. Allocates nothing.
 //
 // Fails with NVSP_ERR_UNFINISHED (a frame is under way).
@@ -1514,34 +1486,30 @@ nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
 // `pose` is given.
 #define NVSP_HEADER_POSE 4
 
-// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
-#define NVSP_HEADER_SHORT 8
+// The packet states prior and camera; else they are those of an earlier packet.
+#define NVSP_HEADER_SESSION 8
 
 // What a packet says first, without rendering.
 typedef struct nvsp_header {
   uint32_t struct_size;
   uint32_t abi_version;
-  // Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
+  // Identity of the prior that the packet is about, see nvsp_prior_info, if NVSP_HEADER_SESSION is set; else 0.
   uint32_t prior_id;
-  // Number of the frame, modulo 2^24; in the short form modulo 2^16.
+  // Number of the frame, modulo 2^16.
   uint32_t frame;
-  // Pixels; 0 in the short form, as earlier packets stated the size.
+  // Pixels, if NVSP_HEADER_SESSION is set; else 0.
   uint32_t width;
-  // Pixels; 0 in the short form.
+  // As the width.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SHORT bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SESSION bits.
   uint32_t flags;
-  // NVSP_PROFILE_*.
-  uint32_t profile;
   // Bytes of the latent part, which makes a picture by itself.
   uint32_t latent_bytes;
-  // In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
-  uint32_t session;
-  // Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
-  uint32_t wire_version;
+  // The tag, of 16 bits, that names prior and camera.
+  uint32_t tag;
   // Zero.
   uint32_t reserved;
-  // The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
+  // The pose, if NVSP_HEADER_POSE is set.
   struct nvsp_pose pose;
 } nvsp_header;
 
@@ -1556,8 +1524,8 @@ NVSP_CHECKED
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
 
 // Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
-// the camera saw, if the network knows the scene. Its weights are those beside the prior's file (PRIOR.filter, which
-// `nvsprior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
+// the camera saw, if the network knows the scene. Its weights are the prior's (which `nvsprior
+// filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
 // predicted from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference
 // picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 //
@@ -1646,16 +1614,17 @@ nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder,
                               const struct nvsp_pose *pose,
                               struct nvsp_picture *picture) NVSP_NONNULL(1, 2, 3);
 
-// Reads a packet's header without a device. Needs the first 31 bytes of the packet (19 in the short form, 43 in the
-// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
-// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
+// Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
+// prior and camera (36 in the paper's profile). Gives the pose only if the packet is about `prior`. A packet that does
+// not state its prior counts as about `prior`. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or NVSP_ERR_NEWER, which writes the header's wire_version.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
+// NVSP_ERR_NEWER.
 //
 // Parameters:
 // - `packet`: the packet, or its start. Read during the call. Not NULL.
-// - `size`: bytes of it that are there, 31 or more (19 in the short form, 43 in the paper's profile).
-// - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
+// - `size`: bytes of it that are there, 64 or more if it has as many.
+// - `prior`: a live prior. NULL: the pose is not wanted.
 // - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_decode_header(const uint8_t *packet,
@@ -1765,13 +1734,11 @@ typedef struct nvsp_sender nvsp_sender;
 #define NVSP_SENDER_EXPECT_REPORTS 1
 
 // nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
-// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
+// missing. Needs stream 0 and no user bytes. Below an MTU of 16 a packet has at most 8 shares, and these have no check
+// of their own: the modem must find damage.
 #define NVSP_SENDER_UNPROTECTED 2
 
-// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update.
-#define NVSP_SENDER_UPDATES 4
-
-// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
+// MTUs of common acoustic modems, bytes. Any from 8 to 65535 will do, with protection from 16.
 #define NVSP_MTU_31 31
 
 #define NVSP_MTU_64 64
@@ -1841,8 +1808,8 @@ typedef struct nvsp_sender_options {
   // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
   // picture takes: the frame rate falls first. 0: 40.
   uint32_t min_bytes;
-  // Most shares of a packet, up to 64; without protection up to 4096. nvsp_collector_options.shares must be as many.
-  // 0: 16; without protection as many as 65536 bytes take.
+  // Most shares of a packet, up to 64; without protection up to 2048, below an MTU of 16 up to 8, and more count as
+  // so many. nvsp_collector_options.shares must be as many. 0: 16; without protection as many as 65536 bytes take.
   uint32_t shares;
   // User bytes that travel with each packet, up to 255; with it they come or are lost.
   uint32_t user_bytes;
@@ -1850,13 +1817,6 @@ typedef struct nvsp_sender_options {
   uint32_t stream;
   // NVSP_SENDER_* flags.
   uint32_t flags;
-  // With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get
-  // the rest. 0: a third.
-  double update_share;
-  // With NVSP_SENDER_UPDATES: bytes of the updates that are kept, all of the dive. 0: 65536.
-  uint32_t update_memory;
-  // Zero.
-  uint32_t reserved;
   // Each modem frame gets a number and a tag by these keys, and reports need one, too. They take nvsp_keys.tag_bytes
   // and 2 bytes of each modem frame. Read during nvsp_sender_create. NULL: none.
   const struct nvsp_keys *keys;
@@ -1916,7 +1876,7 @@ typedef struct nvsp_processed_report {
 // NVSP_ERR_MEMORY.
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31; with keys from as many more as they
+// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
 //   take. Both sides need the same.
 // - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 // - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
@@ -1975,7 +1935,7 @@ nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
 //
 // Parameters:
 // - `now`: seconds.
-// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not
+// - `share`: receives the share, which is a modem frame. It may be filled up with zeros. Yours, of `size` bytes. Not
 //   NULL.
 // - `size`: bytes of `share`; the MTU always suffices.
 // - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
@@ -2083,24 +2043,20 @@ typedef struct nvsp_collector_options {
   uint32_t struct_size;
   uint32_t abi_version;
   // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
-  // 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
-  // future. 0: 4.
+  // 256: give less time than 128 frames of the camera take. A share that comes later than that looks like one of the
+  // future. Below an MTU of 16 they count packets modulo 8: less time than 4 packets take. 0: 4.
   double age;
-  // Shares of a packet that there is room for, up to 4096: nvsp_sender_options.shares. An unprotected packet of n
-  // bytes takes 1, and one more for each MTU - 4 bytes beyond the MTU; of a longer one the start is kept. 0: 32.
+  // Shares of a packet that there is room for, up to 2048: nvsp_sender_options.shares. An unprotected packet of n
+  // bytes takes 1, and one more for each MTU - 4 bytes beyond MTU - 1; below an MTU of 16 one for each MTU - 1
+  // bytes. Of a longer one the start is kept. 0: 32.
   uint32_t shares;
   // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
-  // rounded up to a power of two. 0: 16.
+  // rounded up to a power of two; below an MTU of 16 up to 4. 0: 16.
   uint32_t packets;
   // Streams that are taken, 0 to this less one; up to 4. 0: 1.
   uint32_t streams;
   // NVSP_COLLECTOR_* flags.
   uint32_t flags;
-  // Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are
-  // taken, and reports tell nothing of them.
-  uint32_t update_bytes;
-  // Zero.
-  uint32_t reserved;
   // Only modem frames that a sender has made with one of these keys are taken, and none a second time. Reports get a
   // tag by the first. Read during the call. NULL: none, and whatever comes is taken.
   const struct nvsp_keys *keys;
@@ -2125,20 +2081,16 @@ typedef struct nvsp_collector_options {
 // The share's packet was complete before.
 #define NVSP_EVENT_SURPLUS 6
 
-// An update of the prior is whole: nvsp_collector_fetch_update.
-#define NVSP_EVENT_UPDATE 7
-
 // What has come of a packet.
 typedef struct nvsp_collected {
   uint32_t struct_size;
   uint32_t abi_version;
   // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. With
-  // NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set, with NVSP_EVENT_UPDATE `stream` alone. Else
-  // they are zero.
+  // NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set. Else they are zero.
   uint32_t event;
   // Stream of the packet.
   uint32_t stream;
-  // Frame number of the packet, modulo 2^24.
+  // Frame number of the packet, completed from that of the packet before.
   uint32_t frame;
   // Bytes of its start that are there. Checks vouch for them.
   uint32_t bytes;
@@ -2158,10 +2110,10 @@ typedef struct nvsp_collected {
 
 // Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
 //
-// Fails with NVSP_ERR_ARGUMENT.
+// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MODEM (an MTU without room for keys).
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 1 to 65535.
+// - `mtu`: most bytes of a modem frame, 1 to 65535; with keys from 8 more than they take.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `bytes`: receives the bytes. Not NULL.
 NVSP_CHECKED
@@ -2171,11 +2123,11 @@ nvsp_status nvsp_collector_memory(uint32_t mtu,
 
 // Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
 //
-// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MODEM (an MTU without room for keys) or NVSP_ERR_MEMORY.
 //
 // Parameters:
-// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; unprotected packets need 31. What lies beyond it
-//   is padding.
+// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
+//   as many more as these take. What lies beyond it is padding.
 // - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 // - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
 NVSP_CHECKED
@@ -2212,7 +2164,7 @@ nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
 //
 // Parameters:
 // - `stream`: the packet's stream.
-// - `frame`: its frame number, modulo 2^24. Of a short packet only the low 16 bits count.
+// - `frame`: its frame number, as nvsp_collected.frame has it.
 // - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
 // - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
@@ -2258,7 +2210,7 @@ nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
                                   struct nvsp_collected *state) NVSP_NONNULL(1, 3);
 
 // Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
-// yields a picture, its frame number counts modulo 128. Allocates nothing.
+// yields a picture, its frame number counts modulo 256. Allocates nothing.
 //
 // Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
 // each eight.
@@ -2280,7 +2232,7 @@ nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
 
 // Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 // of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
-// number counts modulo 128. Allocates nothing.
+// number counts modulo 256. Allocates nothing.
 //
 // Fails with NVSP_ERR_ARGUMENT (the stream).
 //
@@ -2341,9 +2293,6 @@ void nvsp_collector_destroy(struct nvsp_collector *collector);
 
 // A packet that does not go over a modem.
 #define NVSP_CONTENT_PACKET 2
-
-// An update that does not go over a modem.
-#define NVSP_CONTENT_UPDATE 3
 
 // Puts numbers and tags in front of what goes another way than through an nvsp_sender, such as packets in files. One
 // thread at a time may use it.

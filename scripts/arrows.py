@@ -33,7 +33,7 @@ residual truth
 error
 tracking
 engine modem
-learning error_kind
+error_kind
 encoded
 frame_work
 encoder decoder doubt_view

@@ -19,7 +19,7 @@ target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 work=$target/c-test
 prefix=$work/prefix
 scene=$target/tmp/c-scene
-programs="structs nulls images encoding lens_and_mask pipelined decoding truth blocks threads unprotected keys updates"
+programs="structs nulls images encoding lens_and_mask pipelined decoding truth blocks threads unprotected keys"
 programs="$programs shares"
 programs="$programs garbage given_device dmabuf"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
@@ -201,7 +201,7 @@ sanitizers() {
 #
 # These are the programs that encode few frames; they take minutes. `memcheck_all` takes half an hour.
 memcheck() {
-    check_memory structs nulls decoding unprotected keys updates shares garbage
+    check_memory structs nulls decoding unprotected keys shares garbage
 }
 
 memcheck_all() {

@@ -34,7 +34,6 @@ HEADERS = {
         "Memory of yours": "allocator memory",
         "The devices there are": "device",
         "Counts of both ends of a link": "statistics",
-        "Updates of the prior": "updates",
     },
 }
 # Handles: many threads may use one of the first kind at once, one thread at a time one of the second.

@@ -4,13 +4,6 @@
 
 use crate::range_coder::{Bits, EVEN, Probability};
 
-/// Bits of even odds: the lowest `count` of a number, at most 32.
-pub fn plain(coder: &mut impl Bits, count: u32, value: u32) -> u32 {
-    (0..count)
-        .rev()
-        .fold(0, |read, place| read << 1 | u32::from(coder.bit(EVEN, value >> place & 1 != 0)))
-}
-
 /// The chance of a bit, from the bits before it in the same place.
 #[derive(Clone, Copy)]
 pub struct Chance {
@@ -159,7 +152,6 @@ mod tests {
                 for value in &values {
                     signed.code(coder, *value);
                     magnitude.code(coder, value.cast_unsigned());
-                    plain(coder, 32, value.cast_unsigned());
                 }
             });
             let mut reader = WholeReader::new(&bytes);
@@ -167,7 +159,6 @@ mod tests {
             for value in values {
                 prop_assert_eq!(signed.code(&mut reader, 0), value);
                 prop_assert_eq!(magnitude.code(&mut reader, 0), value.cast_unsigned());
-                prop_assert_eq!(plain(&mut reader, 32, 0), value.cast_unsigned());
             }
         }
     }

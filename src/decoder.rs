@@ -1,29 +1,22 @@
 //! The topside: packets in, pictures out.
 
-mod states;
-
 use std::sync::Arc;
 
 use crate::packet::{
-    HeldPoses, Latent, PacketError, Parsed, Reference, RenderCheck, Residual, Salvage, Session,
-    session_check,
+    HeldPoses, Latent, PacketError, Parsed, Reference, RenderCheck, Residual, Session,
 };
-use crate::prior::{Learnt, StateId, Update};
 use crate::render::filter::{DisplayFilter, FilterPlan};
 use crate::render::{Plan, Renderer, Scene};
 use crate::residual::{ResidualDecoder, StreamFrame, Viewpoint};
 use crate::truth::{self, TruthDecoder, TruthMap};
 use crate::{Camera, Engine, Error, Picture, Pose};
 
-use states::States;
-
 /// A decoded frame.
 #[derive(Debug, Default)]
 pub struct Decoded {
     /// The picture.
     pub picture: Picture,
-    /// Frame number, modulo 2²⁴. A short packet's number is completed from the last packet decoded: see
-    /// [`Latent::frame_near`].
+    /// Frame number, completed from that of the last packet decoded: see [`Latent::frame_near`].
     pub frame: u32,
     /// The pose it was rendered at.
     pub pose: Pose,
@@ -35,8 +28,8 @@ pub struct Decoded {
     /// Whether this device and the vehicle's are both portable. If they are, the render is the vehicle's, else it may
     /// differ.
     pub portable: bool,
-    /// Rows, from the top, that the residual reached; the others are the render alone. A wavelet payload reaches all
-    /// rows; the more of it arrived, the finer they are.
+    /// Rows that the residual reached: all, or none if the picture is the render alone. The more of the residual has
+    /// arrived, the finer they are.
     pub rows: u32,
     /// Number of the frame whose residual this one's is predicted from; `None`: it is intra. If that frame is missing,
     /// `damage` says so.
@@ -44,11 +37,6 @@ pub struct Decoded {
     /// Later frames of the stream may be predicted from this one: it came in full. Tell the vehicle, if there is a
     /// return channel: [`Encoder::acknowledge`](crate::Encoder::acknowledge).
     pub kept: bool,
-    /// Number, modulo 256, of the update that the frame is drawn with, if this side does not hold it. The picture is
-    /// then the render with the newest update that is held, at the packet's pose: it does not show what the vehicle
-    /// saw. In the short form the camera that drew last, or the newest one, is taken for its camera. Ask the vehicle
-    /// for its updates. `None`: this side holds all that it needs.
-    pub missing_update: Option<u8>,
     /// The picture went through the display filter: see [`Decoder::set_filter`].
     pub filtered: bool,
     /// How far the picture is from what the camera saw. It is of the picture before the display filter.
@@ -65,12 +53,13 @@ pub struct Decoder {
     /// In a box: else the compiler compares cameras before it looks whether there is one, and memory checkers report
     /// that.
     camera_decoder: Option<Box<CameraDecoder>>,
-    /// What the prior may have learnt.
-    states: States,
     /// The poses that those of later frames may be predicted from.
     poses: HeldPoses,
     /// Number of the last frame decoded.
     last_frame: Option<u32>,
+    /// A packet was about another prior, or its render was another: until one states this prior, none without a session
+    /// part is drawn. Tags have 16 bits only.
+    is_estranged: bool,
     /// Most pixels of a picture.
     pixel_limit: u32,
     /// `None`: pictures are not filtered.
@@ -91,7 +80,9 @@ struct CameraDecoder {
 
 /// A packet that is to be decoded.
 struct Arrived<'a> {
-    salvage: &'a Salvage<'a>,
+    packet: &'a Parsed,
+    residual: Result<Residual<'a>, PacketError>,
+    bytes: &'a [u8],
     trust: Trust,
     frame: u32,
     /// Both devices are portable.
@@ -101,9 +92,9 @@ struct Arrived<'a> {
 impl Arrived<'_> {
     /// What its residual is predicted from, as far as the residual is used.
     fn reference(&self) -> Option<Reference> {
-        match (&self.salvage.residual, &self.salvage.residual_start) {
-            (Ok(Residual::Stream { reference, .. }), _) => *reference,
-            (Err(_), Some(start)) if self.trust == Trust::Start => start.reference,
+        match &self.residual {
+            Ok(Residual::Stream { reference, .. }) => *reference,
+            Err(_) if self.trust == Trust::Start => self.packet.start(self.bytes)?.reference,
             _ => None,
         }
     }
@@ -120,7 +111,7 @@ pub enum Trust {
     Start,
 }
 
-/// Cameras that a decoder remembers: one per tag.
+/// Cameras that a decoder remembers.
 const CAMERAS: usize = 256;
 
 impl Decoder {
@@ -129,11 +120,11 @@ impl Decoder {
         Decoder {
             engine: engine.clone(),
             scene: scene.clone(),
-            states: States::new(scene),
             cameras: Vec::new(),
             camera_decoder: None,
             poses: HeldPoses::with_room(),
             last_frame: None,
+            is_estranged: false,
             pixel_limit: u32::MAX,
             filter: None,
         }
@@ -189,12 +180,7 @@ impl Decoder {
     /// The picture size of a packet, if it is the first of a stream from a camera: decoding it then takes memory for
     /// the reference frames. `None` also as for [`Decoder::size_to_prepare`].
     pub fn stream_to_prepare(&self, packet: &Parsed) -> Option<(u32, u32)> {
-        let Salvage { residual, residual_start, .. } = packet.parts();
-        let is_stream = match residual {
-            Ok(residual) => matches!(residual, Residual::Stream { .. }),
-            Err(_) => residual_start.is_some_and(|start| start.reference.is_some()),
-        };
-        if !is_stream {
+        if !packet.is_in_stream() {
             return None;
         }
         let camera = self.camera_told(packet)?;
@@ -203,12 +189,16 @@ impl Decoder {
             .then_some((camera.width, camera.height))
     }
 
+    /// The picture size of a packet; `None`: its camera is neither told nor known.
+    pub fn size_told(&self, packet: &Parsed) -> Option<(u32, u32)> {
+        self.camera_told(packet).map(|camera| (camera.width, camera.height))
+    }
+
     /// The camera that a packet tells, or that it names.
     fn camera_told(&self, packet: &Parsed) -> Option<Camera> {
-        let Salvage { latent, camera, .. } = packet.parts();
-        match camera {
-            Ok(Some(camera)) => Some(*camera),
-            _ => self.camera_of(latent).copied().or_else(|| self.camera_guess(latent)),
+        match packet.session() {
+            Ok(Some(session)) => Some(session.camera),
+            _ => self.camera_of(packet.latent()).copied(),
         }
     }
 
@@ -219,49 +209,8 @@ impl Decoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
-        if self.learnt().number() > 0 {
-            scene.check_learnt(self.learnt())?;
-        }
         (self.engine, self.scene, self.camera_decoder) = (engine.clone(), scene.clone(), None);
         self.set_filter(self.filter.is_some())
-    }
-
-    /// Takes an update of the prior, as it travels. Returns the number of the newest update. Packets that are drawn
-    /// with it can be decoded from here on; those of some updates before still can. An update that is there already
-    /// changes nothing. One that stands on an earlier state is the first one of a new chain: the vehicle has begun anew
-    /// from that state, and the updates after it are forgotten.
-    ///
-    /// # Errors
-    /// If it is damaged, of another prior, or does not stand on a state that is held: others come before it. If the
-    /// scene was not [uploaded for updates](Engine::upload_for_updates). Nothing changes then, but in one case: if the
-    /// state was held and is not any more, since it is more than eight updates back, all updates are forgotten, and the
-    /// vehicle must send them again.
-    pub fn add_update(&mut self, bytes: &[u8]) -> Result<u16, Error> {
-        let newest = self.states.newest();
-        self.scene.check_learnt(self.states.learnt(newest))?;
-        self.states.add(&Update::read(bytes)?)?;
-        Ok(self.learnt().number())
-    }
-
-    /// The states that are held beside the prior alone: the number of each update and the state after it, newest first.
-    /// Reports tell them: [`Report::tell_states`](crate::modem::Report::tell_states).
-    pub fn states(&self) -> impl Iterator<Item = (u16, StateId)> {
-        self.states.all().map(|learnt| (learnt.number(), learnt.state()))
-    }
-
-    /// Takes what was learnt before: the updates of an earlier dive. Other updates are forgotten.
-    ///
-    /// # Errors
-    /// If it is of another prior, or if the scene was not uploaded for updates.
-    pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
-        self.scene.check_learnt(learnt)?;
-        self.states.begin(learnt.clone());
-        Ok(())
-    }
-
-    /// What is learnt after the newest update.
-    pub fn learnt(&self) -> &Learnt {
-        self.states.learnt(self.states.newest())
     }
 
     /// Tells the decoder about a camera that packets only name.
@@ -280,8 +229,9 @@ impl Decoder {
     /// Decodes a packet. If only its latent part is valid, the picture is the render alone.
     ///
     /// # Errors
-    /// If the latent part is damaged, is about another prior, or names a camera that never came. In the short form: if
-    /// its session is not this side's prior with one of the known cameras.
+    /// If the latent part is damaged. If it is about another prior ([`PacketError::Prior`]), or a packet before was and
+    /// this one does not state its prior ([`Error::Estranged`]). If its prior and camera are not known yet
+    /// ([`Error::SessionUnknown`]): the packet that states them is missing.
     pub fn decode(&mut self, bytes: &[u8]) -> Result<Decoded, Error> {
         let mut decoded = Decoded::default();
         self.decode_into(bytes, Trust::Whole, &mut decoded)?;
@@ -297,21 +247,13 @@ impl Decoder {
         trust: Trust,
         decoded: &mut Decoded,
     ) -> Result<(), Error> {
-        let packet = self.trusted(bytes, Decoder::parse)?;
+        let packet = self.parse(bytes).inspect_err(|error| self.refuse(bytes, error))?;
         self.decode_parsed(&packet, bytes, trust, decoded)
     }
 
-    /// Reads a packet. If it is refused, forgets poses that are not the vehicle's.
-    fn trusted<T>(
-        &mut self,
-        bytes: &[u8],
-        read: impl Fn(&Decoder, &[u8]) -> Result<T, PacketError>,
-    ) -> Result<T, PacketError> {
-        let read = read(self, bytes);
-        if let Err(error) = &read {
-            self.poses.refuse(bytes, error);
-        }
-        read
+    /// Forgets poses that are not the vehicle's, after [`Decoder::parse`] has refused a packet.
+    pub(crate) fn refuse(&mut self, bytes: &[u8], error: &PacketError) {
+        self.poses.refuse(bytes, error);
     }
 
     /// Reads what is valid in a packet. Its pose may be predicted from those that are held.
@@ -327,20 +269,47 @@ impl Decoder {
     /// decoded later, and tell the vehicle: [`Report::tell_poses`](crate::modem::Report::tell_poses).
     ///
     /// # Errors
-    /// As [`parse`](Self::parse). What a packet is about is not checked; if it is not known here, nothing is held.
-    pub fn hold(&mut self, bytes: &[u8]) -> Result<(), PacketError> {
-        let read = |decoder: &Decoder, bytes: &[u8]| decoder.poses.latent(bytes);
-        let latent = self.trusted(bytes, read)?;
-        let frame = latent.frame_near(self.poses.last().or(self.last_frame));
-        self.hold_pose(frame, &latent)
+    /// As [`parse`](Self::parse), or if the packet is about another prior. If prior and camera are not known here,
+    /// nothing is held.
+    pub fn hold(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        let packet = self.parse(bytes).inspect_err(|error| self.refuse(bytes, error))?;
+        let frame = packet.latent().frame_near(self.poses.last().or(self.last_frame));
+        self.learn_session(&packet, frame)?;
+        self.hold_pose(frame, packet.latent())
     }
 
-    fn hold_pose(&mut self, frame: u32, latent: &Latent) -> Result<(), PacketError> {
-        let Some(camera) = self.camera_of(latent) else { return Ok(()) };
-        let Some(state) = self.states.of(latent, camera) else { return Ok(()) };
-        let session = session_check(self.states.learnt(state).state().into(), camera, latent)?;
-        self.poses.hold(frame, latent, session);
-        Ok(())
+    fn hold_pose(&mut self, frame: u32, latent: &Latent) -> Result<(), Error> {
+        let Some(camera) = self.camera_of(latent).copied() else { return Ok(()) };
+        let session = Session { prior: self.scene.id(), camera };
+        Ok(self.poses.hold(frame, latent, &session)?)
+    }
+
+    /// Takes what a packet states of prior and camera. Returns why it could not be used, if it is damaged.
+    ///
+    /// # Errors
+    /// If the packet is about another prior, or one before was and this one does not state its prior.
+    fn learn_session(&mut self, packet: &Parsed, frame: u32) -> Result<Option<Error>, Error> {
+        let damage = match packet.session() {
+            Ok(Some(Session { prior, camera })) => {
+                let held = self.scene.id();
+                if *prior != held {
+                    self.estrange();
+                    return Err(PacketError::Prior { packet: *prior, held }.into());
+                }
+                self.check_size(camera.width, camera.height)?;
+                self.is_estranged = false;
+                return Ok(self.add_camera(camera).err());
+            }
+            Ok(None) => None,
+            Err(error) => Some(error.clone().into()),
+        };
+        if self.is_estranged { Err(Error::Estranged { frame }) } else { Ok(damage) }
+    }
+
+    /// What comes may be about another prior.
+    fn estrange(&mut self) {
+        self.is_estranged = true;
+        self.poses.clear();
     }
 
     /// Whether the pose of a frame is held, of the last 128 that came. The number may be modulo 2¹⁶.
@@ -356,73 +325,52 @@ impl Decoder {
         trust: Trust,
         decoded: &mut Decoded,
     ) -> Result<(), Error> {
-        let mut salvage = packet.salvage(bytes);
-        let latent = salvage.latent;
-        if latent.update.is_none() {
-            latent.check_prior(self.scene.id())?;
-        }
-        if let Session::Stated { width, height, .. } = latent.session {
-            self.check_size(width, height)?;
-        }
-        let camera_damage = match std::mem::replace(&mut salvage.camera, Ok(None)) {
-            Ok(Some(camera)) => self.add_camera(&camera).err(),
-            Ok(None) => None,
-            Err(error) => Some(error.into()),
-        };
+        let latent = *packet.latent();
+        let frame = latent.frame_near(self.last_frame);
+        let session_damage = self.learn_session(packet, frame)?;
         let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
         let here = self.engine.device().portable;
-        let frame = latent.frame_near(self.last_frame);
-        self.states.note(&latent);
-        let state = self.state_of(&latent);
-        let shown = state.unwrap_or(self.states.newest());
-        let missing = state.is_none().then_some(latent.update).flatten();
-        self.scene.show(self.states.learnt(shown))?;
-        let camera = match missing {
-            Some(update) => self.camera_guess(&latent).ok_or(Error::UpdateMissing { update })?,
-            None => self.named_camera(&latent, frame)?,
-        };
+        let camera = self.named_camera(&latent, frame)?;
         let view = self.camera_decoder(&camera)?;
         let Camera { width, height, .. } = view.camera;
         decoded.picture.resize(width, height);
-        decoded.missing_update = missing;
         let portable = latent.portable && here;
-        let arrived = Arrived { salvage: &salvage, trust, frame, portable };
+        let residual = packet.residual(bytes);
+        let arrived = Arrived { packet, residual, bytes, trust, frame, portable };
         let viewpoint = view.draw(&latent, &arrived, &mut decoded.picture)?;
         let behind = arrived.reference().map(|reference| u32::from(reference.distance));
-        decoded.reference = behind.map(|by| frame.wrapping_sub(by) % Latent::FRAMES);
+        decoded.reference = behind.map(|by| frame.wrapping_sub(by));
         (decoded.frame, decoded.pose) = (frame, pose);
         decoded.uncertain = latent.uncertain;
         decoded.portable = portable;
-        let told = salvage.render.as_ref().ok().copied().flatten();
+        let told = packet.render().as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
-        // A difference from another render would show what nobody saw.
-        let rows = match missing {
-            Some(update) => Err(Error::UpdateMissing { update }),
-            None => view.add_residual(&arrived, &viewpoint, &mut decoded.picture),
-        };
-        let whole = matches!(salvage.residual, Ok(Residual::Stream { .. })) && rows.is_ok();
+        let rows = view.add_residual(&arrived, &viewpoint, &mut decoded.picture);
+        let whole = matches!(arrived.residual, Ok(Residual::Stream { .. })) && rows.is_ok();
         decoded.kept = whole && portable;
         (decoded.damage, decoded.rows) = match rows {
-            Ok((rows, damage)) => (damage.or(camera_damage), rows),
+            Ok((rows, damage)) => (damage.or(session_damage), rows),
             Err(error) => (Some(error), 0),
         };
         decoded.truth.reset(width, height);
         // Of another picture than the vehicle's, nothing is known.
-        if missing.is_none() && decoded.same_render != Some(false) {
+        if decoded.same_render != Some(false) {
             let Decoded { rows, picture, truth, .. } = decoded;
             view.read_truth(&arrived, *rows > 0, picture, truth);
         }
         decoded.filtered = decoded.rows > 0 && view.filter(&mut decoded.picture)?;
         self.last_frame = Some(frame);
-        self.hold_pose(frame, &latent)?;
-        Ok(())
+        if portable && decoded.same_render == Some(false) {
+            self.estrange();
+            return Ok(());
+        }
+        self.hold_pose(frame, &latent)
     }
 
     /// Draws the prior at a pose as the camera of the packet decoded last sees it; `false` if there was none yet. This
     /// is for frames whose packets are missing: see [`Pose::between`].
     pub fn draw(&mut self, pose: &Pose, picture: &mut Picture) -> Result<bool, Error> {
         let Some(view) = &mut self.camera_decoder else { return Ok(false) };
-        self.scene.show(self.states.learnt(self.states.newest()))?;
         picture.resize(view.camera.width, view.camera.height);
         view.renderer.picture(pose, picture)?;
         Ok(true)
@@ -444,38 +392,20 @@ impl Decoder {
 
     /// The newest known camera that a packet may be about.
     pub fn camera_of(&self, latent: &Latent) -> Option<&Camera> {
-        self.cameras.iter().rev().find(|camera| self.states.of(latent, camera).is_some())
-    }
-
-    /// The state that a packet is drawn with; `None`: it is not held, or its camera is not known.
-    fn state_of(&self, latent: &Latent) -> Option<usize> {
-        self.camera_of(latent).and_then(|camera| self.states.of(latent, camera))
+        let prior = self.scene.id();
+        let named = |camera: &&Camera| Session { prior, camera: **camera }.tag() == Ok(latent.tag);
+        self.cameras.iter().rev().find(named)
     }
 
     /// The camera that a packet names.
     fn named_camera(&self, latent: &Latent, frame: u32) -> Result<Camera, Error> {
-        let unknown = || match latent.session {
-            Session::Stated { camera_tag: tag, .. } => Error::CameraUnknown { frame, tag },
-            Session::Tagged(tag) => Error::SessionUnknown {
-                frame,
-                tag,
-                prior: self.scene.id(),
-                cameras: self.cameras.len(),
-            },
+        let unknown = || Error::SessionUnknown {
+            frame,
+            tag: latent.tag,
+            prior: self.scene.id(),
+            cameras: self.cameras.len(),
         };
         self.camera_of(latent).copied().ok_or_else(unknown)
-    }
-
-    /// The camera of a packet whose state is not held: the one of the tag in the full form, else the one that drew
-    /// last, else the newest one. `None` also if the packet needs no update.
-    fn camera_guess(&self, latent: &Latent) -> Option<Camera> {
-        latent.update?;
-        let stated = |camera: &&Camera| match latent.session {
-            Session::Stated { prior, .. } => latent.session.check(prior, camera).is_ok(),
-            Session::Tagged(_) => false,
-        };
-        let stated = self.cameras.iter().rev().find(stated);
-        stated.or_else(|| self.camera()).or(self.cameras.last()).copied()
     }
 
     /// What renders for a camera.
@@ -524,7 +454,7 @@ impl CameraDecoder {
         if deep {
             self.depths.clear();
             self.depths.extend(self.renderer.depths());
-        } else if matches!(arrived.salvage.residual, Ok(Residual::Stream { .. })) {
+        } else if matches!(arrived.residual, Ok(Residual::Stream { .. })) {
             // Room is made with the first frame of a stream.
             self.depths.resize(self.camera.pixels(), 0.0);
         }
@@ -548,9 +478,9 @@ impl CameraDecoder {
         picture: &Picture,
         map: &mut TruthMap,
     ) {
-        let Arrived { salvage, trust, frame, .. } = *arrived;
-        let Some(bytes) = salvage.truth else { return };
-        let of_map = match &salvage.residual {
+        let Arrived { packet, ref residual, bytes, trust, frame, .. } = *arrived;
+        let Some(bytes) = packet.truth(bytes) else { return };
+        let of_map = match residual {
             Ok(Residual::None | Residual::Omitted) => truth::Arrived::All,
             Ok(_) if added => truth::Arrived::All,
             Err(_) if added && trust == Trust::Start => {
@@ -568,24 +498,23 @@ impl CameraDecoder {
         viewpoint: &Viewpoint,
         picture: &mut Picture,
     ) -> Result<(u32, Option<Error>), Error> {
-        let Arrived { salvage, trust, frame, portable } = *arrived;
+        let Arrived { packet, ref residual, bytes, trust, frame, portable } = *arrived;
         let stream = StreamFrame { frame, viewpoint, depths: &self.depths };
-        match (&salvage.residual, &salvage.residual_start) {
-            (Ok(Residual::None | Residual::Omitted), _) => Ok((0, None)),
-            (Ok(residual), _) => {
+        let error = match residual {
+            Ok(Residual::None | Residual::Omitted) => return Ok((0, None)),
+            Ok(residual) => {
                 self.residual.add_in_stream(residual, &stream, portable, picture)?;
-                Ok((picture.height, None))
+                return Ok((picture.height, None));
             }
-            (Err(error), Some(start)) if trust == Trust::Start => {
-                let rows = match start.reference {
-                    Some(_) => {
-                        self.residual.add_start_in_stream(start, &stream, portable, picture)?
-                    }
-                    None => self.residual.add_start(start, portable, picture)?,
-                };
-                Ok((rows, Some(error.clone().into())))
+            Err(error) => error.clone().into(),
+        };
+        match packet.start(bytes).filter(|_| trust == Trust::Start) {
+            Some(start) if start.reference.is_some() => {
+                self.residual.add_start_in_stream(&start, &stream, portable, picture)?;
             }
-            (Err(error), _) => Err(error.clone().into()),
+            Some(start) => self.residual.add_start(&start, portable, picture)?,
+            None => return Err(error),
         }
+        Ok((picture.height, Some(error)))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::prior::{Doubt, RenderOptions, Splats};
+use crate::prior::{RenderOptions, Splats};
 use crate::render::{Plan, Renderer, Scene};
 use crate::truth::{BLOCK, THRESHOLDS};
 use crate::vulkan::Error;
@@ -49,13 +49,9 @@ pub struct DoubtView {
 }
 
 impl DoubtView {
-    /// Without doubt of the splats, all that is mapped is doubtful.
-    pub fn new(
-        engine: &Engine,
-        prior: &Prior,
-        doubt: Option<&Doubt>,
-    ) -> Result<DoubtView, crate::Error> {
-        let scene = engine.upload(&coloured(prior, doubt)?)?;
+    /// If the prior holds no doubt of its splats, all that is mapped is doubtful.
+    pub fn new(engine: &Engine, prior: &Prior) -> Result<DoubtView, crate::Error> {
+        let scene = engine.upload(&coloured(prior)?)?;
         Ok(DoubtView { engine: engine.clone(), scene, renderer: None })
     }
 
@@ -115,12 +111,12 @@ fn judged<'a>(pixels: impl Iterator<Item = &'a [f32]>) -> (DoubtLevel, f32) {
 }
 
 /// The prior with its doubt as colours, on black.
-fn coloured(prior: &Prior, doubt: Option<&Doubt>) -> Result<Prior, crate::Error> {
+fn coloured(prior: &Prior) -> Result<Prior, crate::Error> {
     /// Value of the spherical harmonic of degree 0.
     const DEGREE_0: f32 = 0.282_094_8;
     let sh_of = |doubt: &u8| [(f32::from(*doubt) / 255.0 - 0.5) / DEGREE_0, 0.0, 0.0];
-    let sh = match doubt {
-        Some(doubt) => doubt.of_splats().iter().flat_map(sh_of).collect(),
+    let sh = match &prior.extras().doubt {
+        Some(doubt) => doubt.iter().flat_map(sh_of).collect(),
         None => [u8::MAX].iter().cycle().take(prior.len()).flat_map(sh_of).collect(),
     };
     let splats = Splats { sh, sh_degree: 0, ..prior.splats().clone() };

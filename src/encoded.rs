@@ -1,8 +1,6 @@
 //! An encoded frame, and what it took.
 
-use crate::packet::{
-    CAMERA_PART_LEN, LONGEST_LATENT, RENDER_PART_LEN, Reference, residual_part_len,
-};
+use crate::packet::{LONGEST_HEAD, Reference, residual_part_len};
 use crate::residual::max_payload_len;
 use crate::tracking::{Observability, StartKind, Stop};
 use crate::{Picture, Pose};
@@ -88,10 +86,9 @@ impl Encoded {
     }
 }
 
-/// The largest packet about a picture of this size, in either profile and with all its parts, bytes.
+/// The largest packet about a picture of this size, with all its parts, bytes.
 pub fn packet_bound(width: u32, height: u32) -> usize {
-    let fixed = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
     // A truth map takes 8 % of a packet at most.
-    let residual = residual_part_len(Reference::LONGEST + max_payload_len(width, height));
-    fixed + residual + residual / 8
+    let residual = residual_part_len(Reference::LEN + max_payload_len(width, height));
+    LONGEST_HEAD + residual + residual / 8
 }

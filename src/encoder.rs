@@ -3,17 +3,12 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-#[cfg(feature = "training")]
-use crate::frame_work::FoundFrame;
 use crate::frame_work::{Coders, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
-#[cfg(feature = "training")]
-use crate::learning::{Beside, LearnOptions, LearnerStats};
 use crate::packet::{
-    CAMERA_PART_LEN, LEARNT_SHORT_LEN, Latent, PoseProfile, QuantisedPose, RENDER_PART_LEN,
-    SHORT_LATENT_LEN, SentPoses, session_check,
+    Latent, PacketError, PoseProfile, QuantisedPose, RENDER_PART_LEN, SESSION_PART_LEN, SentPoses,
+    Session,
 };
-use crate::prior::Learnt;
 use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
@@ -43,14 +38,11 @@ pub struct EncoderOptions {
     /// Whether difference pictures are predicted from those of earlier frames. They do not if the device is not
     /// portable: the topside could not know their references.
     pub mode: Mode,
-    /// How poses are written.
+    /// How poses are written: [`PoseProfile::Paper`] for comparisons, else the short code, and the compact one in
+    /// packets that state the session.
     pub profile: PoseProfile,
-    /// A packet has the short form if an earlier packet stated its prior and camera: a latent part of 19 bytes in place
-    /// of 31, and a pose that costs the render less than 0.01 dB. Some packets keep the full form: the first one, those
-    /// with the camera, the next after a reset, those of poses far from the prior, and those in the paper's profile.
-    pub short: bool,
-    /// Send the camera again after this many frames, for a topside that missed it; 0: never again.
-    /// It is also sent with the first frame and when it changes.
+    /// State the session, prior and camera, again after this many frames, for a topside that missed it; 0: never again.
+    /// It is also stated with the first frame, when the camera changes, and after a reset. It takes 29 bytes.
     pub camera_interval: u32,
     /// Send a check of the render (six bytes) with the first frame, and again after this many
     /// frames; 0: never. It tells a topside on another kind of device whether its render is the
@@ -61,8 +53,7 @@ pub struct EncoderOptions {
     /// Reduction factors of the pyramid, finest first, beginning with 1.
     pub factors: Vec<u32>,
     /// Poses are stated as what they differ by from those that the topside is known to hold
-    /// ([`Encoder::acknowledge_pose`]), in 9 to 18 bytes in place of 19: for packets that travel in
-    /// [protected shares](crate::modem::Protection::Layers). The pose is the same. Not with WebP.
+    /// ([`Encoder::acknowledge_pose`]), in latent parts of 11 to 19 bytes in place of 20. The pose is the same.
     pub predict_poses: bool,
     /// Packets tell how far the picture is from what the camera saw: see [`crate::truth`]. Not with WebP, and not if
     /// there is no [`rate`](EncoderOptions::rate).
@@ -72,8 +63,8 @@ pub struct EncoderOptions {
     pub frames_treated: bool,
 }
 
-/// How many bytes longer the residual's check is after the full form than after the short one.
-const LONGER_CHECK: usize = 2;
+/// How many bytes longer the latent part of a packet with a session part is: its pose has the compact code.
+const LONGER_LATENT: usize = 4;
 
 /// Spreads of the prior beyond which no pose from outside can lie.
 const FAR: f64 = 1e6;
@@ -88,7 +79,6 @@ impl Default for EncoderOptions {
             tune: Tune::default(),
             mode: Mode::default(),
             profile: PoseProfile::Compact,
-            short: true,
             camera_interval: 64,
             check_interval: 0,
             first_frame: 0,
@@ -117,10 +107,8 @@ pub struct Encoder {
     /// Renders by level before the frame.
     renders_before: Vec<u32>,
     frame: u32,
-    /// Frames since the camera was last sent; `None`: not yet.
-    camera_age: Option<u32>,
-    /// The next packet has the full form, whatever else.
-    full_due: bool,
+    /// Frames since the session was last stated; `None`: not yet.
+    session_age: Option<u32>,
     /// No frame of the stream may be predicted from one before the next.
     stream_ended: bool,
     /// What the topside is known to hold.
@@ -129,10 +117,6 @@ pub struct Encoder {
     poses: Option<SentPoses>,
     /// The last time that a frame stated.
     time: Option<f64>,
-    /// What the scene shows beside the prior.
-    learnt: Learnt,
-    #[cfg(feature = "training")]
-    beside: Beside,
 }
 
 impl Encoder {
@@ -166,14 +150,10 @@ impl Encoder {
             options,
             work: FrameWork::default(),
             renders_before: Vec::new(),
-            camera_age: None,
-            full_due: true,
+            session_age: None,
             stream_ended: false,
             acknowledged: Acknowledged::default(),
             time: None,
-            learnt: Learnt::none(scene.id()),
-            #[cfg(feature = "training")]
-            beside: Beside::default(),
         })
     }
 
@@ -207,9 +187,7 @@ impl Encoder {
             if !same_size {
                 self.coders = Coders::new(&self.residual_setup(), has_truth(&self.options));
             }
-            #[cfg(feature = "training")]
-            self.go_on_learning();
-            self.camera_age = None;
+            self.session_age = None;
         }
         self.mask = mask;
         self.tracker.set_mask(self.mask.clone());
@@ -251,31 +229,6 @@ impl Encoder {
         residual_setup(&self.engine, &self.scene, &self.camera, &self.options)
     }
 
-    /// Draws what was learnt, with the updates of an earlier dive for one, from the next frame on. An update that waits
-    /// to be adopted is dropped.
-    ///
-    /// # Errors
-    /// If the scene was not [uploaded for updates](Engine::upload_for_updates), or the updates are of another prior.
-    pub fn set_learnt(&mut self, learnt: &Learnt) -> Result<(), Error> {
-        self.scene.check_learnt(learnt)?;
-        self.scene.show(learnt)?;
-        #[cfg(feature = "training")]
-        self.beside.drop_waiting();
-        self.show(learnt.clone());
-        Ok(())
-    }
-
-    /// Draws what is learnt from the next frame on. Its packet names the state in full, and is predicted from none.
-    fn show(&mut self, learnt: Learnt) {
-        self.learnt = learnt;
-        (self.full_due, self.stream_ended) = (true, true);
-    }
-
-    /// What is learnt, or was learnt before.
-    pub fn learnt(&self) -> &Learnt {
-        &self.learnt
-    }
-
     /// Goes on with another engine, after the device of the old one was lost. `scene` is the same
     /// prior, uploaded there. Frame numbers and poses carry over. If it fails, nothing changes.
     pub fn move_to(&mut self, engine: &Engine, scene: &Arc<Scene>) -> Result<(), Error> {
@@ -283,23 +236,18 @@ impl Encoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
-        if self.learnt.number() > 0 {
-            scene.check_learnt(&self.learnt)?;
-        }
         self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
         self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
         self.coders.begin_streams(&self.residual_setup());
-        #[cfg(feature = "training")]
-        self.go_on_learning();
         Ok(())
     }
 
-    /// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside
-    /// asks what the packets are about, or if a packet was not sent.
+    /// States the session with the next packet. In a stream its frame is intra. Call it if a topside asks what the
+    /// packets are about, or if a packet was not sent.
     pub fn announce(&mut self) {
-        self.camera_age = None;
+        self.session_age = None;
         self.stream_ended = true;
         self.forget_poses();
     }
@@ -355,10 +303,7 @@ impl Encoder {
     pub(crate) fn encode_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let found = self.track(work)?;
         work.code(&mut self.coders)?;
-        self.keep(work, &found);
-        #[cfg(feature = "training")]
-        self.keep_to_learn(work, &work.encoded.render);
-        Ok(())
+        self.keep(work, &found)
     }
 
     /// The last frame that [`encode`](Self::encode) searched a pose for, as it was treated. Its masked pixels show the
@@ -383,10 +328,7 @@ impl Encoder {
     /// The first half of a frame that was filled in: finds its pose and draws it. The next frame goes on from there.
     pub(crate) fn track_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let found = self.track(work)?;
-        self.keep(work, &found);
-        #[cfg(feature = "training")]
-        self.keep_to_learn(work, &work.render);
-        Ok(())
+        self.keep(work, &found)
     }
 
     /// Treats a frame, finds its pose and draws it. Changes nothing that the next frame goes on from.
@@ -395,12 +337,14 @@ impl Encoder {
         self.check_frame(&work.frame)?;
         let info = work.info;
         self.check_info(&info)?;
-        // Another encoder or decoder may share the scene.
-        self.scene.show(&self.learnt)?;
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
-        let short = self.short_next();
-        let profile = if short { PoseProfile::Short } else { self.options.profile };
+        let states_session = self.session_due();
+        let profile = match self.options.profile {
+            PoseProfile::Paper => PoseProfile::Paper,
+            _ if states_session => PoseProfile::Compact,
+            _ => PoseProfile::Short,
+        };
         self.tracker.set_profile(profile.word());
         work.mask.clone_from(&self.mask);
         work.interest.clone_from(&self.interest);
@@ -413,7 +357,6 @@ impl Encoder {
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
         let frames_since_certain = self.frames_since_certain_with(&found);
-        let camera = self.camera_due().then_some(self.camera);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
         work.has_truth = has_truth(&self.options);
@@ -426,22 +369,17 @@ impl Encoder {
             mask.each_masked(&mut work.frame.data, as_render);
         }
         work.pose = pose.dequantise(&self.scene.coordinate_frame());
-        let state = self.learnt.state().into();
+        let session = Session { prior: self.scene.id(), camera: self.camera };
         let latent = Latent {
             portable: self.engine.device().portable,
-            ..Latent::new(self.frame, state, &self.camera, pose, !found.certain)?
+            ..Latent::new(self.frame, &session, pose, !found.certain)?
         };
-        let latent = if short { latent.shortened(state, &self.camera)? } else { latent };
-        let update = self.learnt.number();
-        let latent = if update > 0 { latent.with_update(update) } else { latent };
-        work.session = session_check(state, &self.camera, &latent)?;
-        let may_be_predicted = short && found.certain && !work.has_render_check;
-        let latent = match self.poses.as_ref().filter(|_| may_be_predicted) {
-            Some(poses) => poses.predicted(self.frame, &latent, work.session),
+        let latent = match self.poses.as_ref().filter(|_| found.certain && !states_session) {
+            Some(poses) => poses.predicted(&latent, &session)?,
             None => latent,
         };
-        work.latent = Some(latent);
-        work.camera = camera;
+        (work.latent, work.session) = (Some(latent), Some(session));
+        work.states_session = states_session;
         work.rate = self.options.rate;
 
         let stats = &mut work.stats;
@@ -449,10 +387,6 @@ impl Encoder {
         let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
-        #[cfg(feature = "training")]
-        {
-            work.found = FoundFrame { number: self.frame, certain: found.certain };
-        }
         stats.frame = self.frame;
         stats.reference = None;
         stats.start = found.start;
@@ -491,16 +425,19 @@ impl Encoder {
     }
 
     /// Keeps what the next frame goes on from.
-    fn keep(&mut self, work: &FrameWork, found: &PoseEstimate) {
-        let sent = work.camera.is_some();
-        self.camera_age = Some(if sent { 1 } else { self.camera_age.unwrap_or(0) + 1 });
-        (self.full_due, self.stream_ended) = (false, false);
-        if let Some((poses, latent)) = self.poses.as_mut().zip(work.latent) {
-            poses.add(self.frame, &latent, work.session);
+    fn keep(&mut self, work: &FrameWork, found: &PoseEstimate) -> Result<(), Error> {
+        if let (Some(poses), Some(latent), Some(session)) =
+            (self.poses.as_mut(), work.latent, work.session)
+        {
+            poses.add(&latent, &session)?;
         }
+        let age = self.session_age.unwrap_or(0) + 1;
+        self.session_age = Some(if work.states_session { 1 } else { age });
+        self.stream_ended = false;
         self.frame = self.frame.wrapping_add(1);
         self.time = work.info.time.or(self.time);
         self.tracker.keep(found);
+        Ok(())
     }
 
     /// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all camera frames,
@@ -510,11 +447,11 @@ impl Encoder {
     }
 
     /// Forgets all earlier frames: the next one is searched for as the first was, and may have any time. Frame numbers
-    /// go on, the next packet has the full form, and the camera is sent again when it is due.
+    /// go on, and the next packet states the session.
     pub fn reset(&mut self) {
         self.tracker.reset();
         self.time = None;
-        self.full_due = true;
+        self.session_age = None;
         self.stream_ended = true;
         self.acknowledged = Acknowledged::default();
         self.forget_poses();
@@ -555,27 +492,27 @@ impl Encoder {
         found: &PoseEstimate,
         profile: PoseProfile,
     ) -> Result<QuantisedPose, Error> {
-        if let Some(code) = &found.drawn {
-            return Ok(QuantisedPose::of_words(code)?);
+        let frame = self.scene.coordinate_frame();
+        let pose = match &found.drawn {
+            Some(code) => QuantisedPose::of_words(code)?,
+            None => QuantisedPose::quantise(&found.outcome.pose, &frame, profile)?,
+        };
+        if pose.profile() == PoseProfile::Paper && profile != PoseProfile::Paper {
+            // It lies beyond what a packet holds.
+            return Err(PacketError::Pose.into());
         }
-        let pose =
-            QuantisedPose::quantise(&found.outcome.pose, &self.scene.coordinate_frame(), profile)?;
-        let renderer = self.tracker.objective().renderer();
-        renderer.draw_coded_as_planned(&pose.words())?;
+        if found.drawn.is_none() {
+            self.tracker.objective().renderer().draw_coded_as_planned(&pose.words())?;
+        }
         Ok(pose)
     }
 
-    /// How many bytes more than a steady packet the next one takes beside its difference picture: its latent part has
-    /// the full form, it tells the camera, or it has a check of the render. Add them to
-    /// [`Rate::Bytes`](crate::Rate::Bytes), and the difference picture has as many bytes as those of other frames.
+    /// How many bytes more than a steady packet the next one takes beside its difference picture: it states the
+    /// session, or has a check of the render. Add them to [`Rate::Bytes`](crate::Rate::Bytes), and the difference
+    /// picture has as many bytes as those of other frames.
     pub fn extra_bytes(&self) -> usize {
-        let part = |due, len| if due { len } else { 0 };
-        let full = !self.short_next();
-        let steady = if self.learnt.number() > 0 { LEARNT_SHORT_LEN } else { SHORT_LATENT_LEN };
-        let latent = Latent::full_len(self.options.profile) - steady + LONGER_CHECK;
-        part(full, latent)
-            + part(self.camera_due(), CAMERA_PART_LEN)
-            + part(self.check_due(), RENDER_PART_LEN)
+        let session = if self.session_due() { LONGER_LATENT + SESSION_PART_LEN } else { 0 };
+        session + if self.check_due() { RENDER_PART_LEN } else { 0 }
     }
 
     fn check_due(&self) -> bool {
@@ -583,90 +520,15 @@ impl Encoder {
         done.checked_rem(self.options.check_interval) == Some(0)
     }
 
-    /// Whether the next packet has the short form, if that can hold its pose.
-    fn short_next(&self) -> bool {
-        let near = self.options.profile != PoseProfile::Paper;
-        self.options.short && near && !self.full_due && !self.camera_due()
-    }
-
-    fn camera_due(&self) -> bool {
+    /// Whether the next packet states the session.
+    fn session_due(&self) -> bool {
         let interval = self.options.camera_interval;
-        self.camera_age.is_none_or(|age| interval > 0 && age >= interval)
+        self.session_age.is_none_or(|age| interval > 0 && age >= interval)
     }
 
     /// Evaluations of the last frame's refinement, in order: error against run time.
     pub fn trace(&self) -> &[Evaluation] {
         self.tracker.trace()
-    }
-}
-
-#[cfg(feature = "training")]
-impl Encoder {
-    /// Learns from here on, beside what is learnt already: what frames show and the prior does not becomes updates of
-    /// the prior.
-    ///
-    /// # Errors
-    /// If the scene was not [uploaded for updates](Engine::upload_for_updates), or the device has no room.
-    pub fn learn(&mut self, options: &LearnOptions) -> Result<(), Error> {
-        self.scene.check_learnt(&self.learnt)?;
-        let setup = self.residual_setup();
-        let Encoder { engine, scene, camera, learnt, .. } = self;
-        self.beside.begin(engine, scene, camera, &setup, learnt, options)
-    }
-
-    /// Learns from the last frame: a slice of work, [`LearnOptions::steps_per_frame`] steps of training at most. Call
-    /// it after each frame, once its packet is on its way. A frame without this call is not learnt from.
-    ///
-    /// `price`: bytes of pictures that a byte of an update costs, 1 or more. On a link its headers and parity take
-    /// more: see [`Sender::update_price`](crate::modem::Sender::update_price).
-    ///
-    /// # Errors
-    /// If the device fails. Learning has ended then; what was learnt before stays.
-    pub fn learn_more(&mut self, price: f64) -> Result<(), Error> {
-        self.beside.work(price)
-    }
-
-    /// The update that was proved last, `.nvsu`, once. Frames are drawn with it once it is [adopted](Encoder::adopt).
-    /// Until then, or until it is dropped, the learner only collects frames.
-    pub fn take_update(&mut self) -> Option<Vec<u8>> {
-        self.beside.take_update()
-    }
-
-    /// Number of the update that was proved, and neither adopted nor dropped.
-    pub fn waiting_update(&self) -> Option<u16> {
-        self.beside.waiting()
-    }
-
-    /// Draws with the update that waits from the next frame on, if it has this number: the topside holds it, as
-    /// [`Sender::held_update`](crate::modem::Sender::held_update) tells. Its packet names the state in full, and is
-    /// predicted from none. `false`: another one waits, or none, and nothing changes.
-    pub fn adopt(&mut self, number: u16) -> bool {
-        self.beside.adopt(number).map(|after| self.show(after)).is_some()
-    }
-
-    /// Drops the update that waits: it cannot be sent. The learner goes on without it.
-    pub fn drop_update(&mut self) {
-        self.beside.drop_waiting();
-    }
-
-    /// What the learner did; `None`: the encoder does not learn.
-    pub fn learner_stats(&self) -> Option<LearnerStats> {
-        self.beside.stats()
-    }
-
-    /// Keeps a frame that was found for [`learn_more`](Self::learn_more).
-    fn keep_to_learn(&mut self, work: &FrameWork, render: &Picture) {
-        let Some(found) = self.beside.next() else { return };
-        found.frame.clone_from(&work.frame);
-        found.render.clone_from(render);
-        found.mask.clone_from(&work.mask);
-        (found.number, found.certain) = (work.found.number, work.found.certain);
-        (found.pose, found.rate) = (work.pose, work.rate);
-    }
-
-    fn go_on_learning(&mut self) {
-        let setup = self.residual_setup();
-        self.beside.go_on(&self.engine, &self.scene, &self.camera, &setup);
     }
 }
 
@@ -677,7 +539,7 @@ fn has_truth(options: &EncoderOptions) -> bool {
 
 /// Whether poses may be predicted from those that the topside holds.
 fn predicts_poses(options: &EncoderOptions) -> bool {
-    options.predict_poses && options.short && options.residual == ResidualCoder::Wavelet
+    options.predict_poses
 }
 
 /// A mask, if it masks anything.

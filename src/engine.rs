@@ -63,13 +63,7 @@ impl Engine {
     /// Uploads a prior, for any number of renderers. Leaves out what no picture shows. Builds the
     /// pipelines for priors of its kind, if it is the first.
     pub fn upload(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_analysed(prior, PriorAnalysis::of(prior), false)
-    }
-
-    /// As [`Engine::upload`], with room for what is learnt while diving: 4,096 splats. Such a scene changes with the
-    /// updates of those that draw it. So let the encoders and decoders that share it work in turn, not at once.
-    pub fn upload_for_updates(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_analysed(prior, PriorAnalysis::of(prior), true)
+        self.upload_analysed(prior, PriorAnalysis::of(prior))
     }
 
     /// Makes a scene of a blocked prior, whose splats come and go by what cameras see. They take at most `limit` bytes
@@ -77,7 +71,7 @@ impl Engine {
     /// that reads blocks ahead. Pictures have the same bytes as those of the whole prior.
     ///
     /// A picture that shows more splats than there is room for fails with [`Error::TooManySplats`]. Renderers of one
-    /// prior work in turn. A blocked prior takes no updates.
+    /// prior work in turn.
     pub fn open_blocked(
         &self,
         blocked: &Arc<BlockedPrior>,
@@ -90,17 +84,9 @@ impl Engine {
         Ok(Arc::new(Scene::of_blocked(&self.device, blocked, kernels, &room, reader)?))
     }
 
-    fn upload_analysed(
-        &self,
-        prior: &Prior,
-        analysis: PriorAnalysis,
-        for_updates: bool,
-    ) -> Result<Arc<Scene>, Error> {
-        let mut key = PipelineKey::of(&analysis);
-        // Learnt splats may be opaque.
-        key.clamped |= for_updates;
-        let kernels = self.scene_kernels(&key)?;
-        Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels, for_updates)?))
+    fn upload_analysed(&self, prior: &Prior, analysis: PriorAnalysis) -> Result<Arc<Scene>, Error> {
+        let kernels = self.scene_kernels(&PipelineKey::of(&analysis))?;
+        Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels)?))
     }
 
     fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
@@ -116,7 +102,7 @@ impl Engine {
 
     /// Uploads a prior together with what no picture shows, for comparisons.
     pub fn upload_whole(&self, prior: &Prior) -> Result<Arc<Scene>, Error> {
-        self.upload_analysed(prior, PriorAnalysis::everything(prior), false)
+        self.upload_analysed(prior, PriorAnalysis::everything(prior))
     }
 
     /// Makes a trainer of splats.
@@ -124,16 +110,6 @@ impl Engine {
     pub fn trainer(&self, plan: &TrainingPlan) -> Result<Trainer, Error> {
         let key = PipelineKey { sh_degree: plan.sh_degree, clamped: true };
         Trainer::new(&self.device, &self.kernels, self.scene_kernels(&key)?, plan)
-    }
-
-    /// Makes a trainer of splats behind those of a scene, on pictures of a size.
-    #[cfg(feature = "training")]
-    pub(crate) fn trainer_behind(
-        &self,
-        scene: &Scene,
-        plan: &TrainingPlan,
-    ) -> Result<Trainer, Error> {
-        Trainer::behind(&self.device, &self.kernels, scene, plan)
     }
 
     /// Makes a renderer of an uploaded prior.

@@ -59,24 +59,20 @@ pub enum Error {
     FrameTime { frame: u32, time: f64 },
     #[error("frame {frame}: its time, {time} s, lies before that of an earlier frame, {before} s")]
     FrameTimeBack { frame: u32, time: f64, before: f64 },
-    #[error(
-        "a frame drawn with update {update} (modulo 256), which this side does not hold: get the \
-         vehicle's updates; the render without it is shown"
-    )]
-    UpdateMissing { update: u8 },
-    #[error(transparent)]
-    Update(#[from] crate::prior::UpdateError),
     #[error("prior {found} in place of {expected}")]
     PriorChanged { expected: crate::PriorId, found: crate::PriorId },
     #[error("no thread for coding differences: {0}")]
     Thread(String),
     #[error(transparent)]
     Queue(#[from] QueueError),
-    #[error("frame {frame}: its camera (tag {tag:#04x}) was sent in a packet that is missing")]
-    CameraUnknown { frame: u32, tag: u8 },
     #[error(
-        "frame {frame}: a short packet of session {tag:#04x}, which is not prior {prior} with any of \
-         the {cameras} cameras known: the packet that told it is missing, or another prior is held"
+        "frame {frame}: its tag {tag:#06x} is not that of prior {prior} with any of the {cameras} cameras known: the \
+         packet that states them is missing, or another prior is held"
     )]
-    SessionUnknown { frame: u32, tag: u8, prior: crate::PriorId, cameras: usize },
+    SessionUnknown { frame: u32, tag: u16, prior: crate::PriorId, cameras: usize },
+    #[error(
+        "frame {frame}: a packet before was about another prior, or its render was another: wait for one that states \
+         this prior"
+    )]
+    Estranged { frame: u32 },
 }

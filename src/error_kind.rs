@@ -5,7 +5,7 @@ use crate::image::PixelError;
 use crate::keys::{KeyError, Refusal};
 use crate::modem::ModemError;
 use crate::packet::{PacketError, Part};
-use crate::prior::{PriorError, UpdateError};
+use crate::prior::PriorError;
 use crate::queue::QueueError;
 use crate::residual::ResidualError;
 use crate::{Error, vulkan};
@@ -42,8 +42,8 @@ pub enum ErrorKind {
     Packet,
     /// It is about another prior.
     OtherPrior,
-    /// The packet's camera was sent in a packet that is missing.
-    CameraUnknown,
+    /// The packet that states prior and camera is missing.
+    SessionUnknown,
     /// The difference picture is damaged.
     Residual,
     /// The reference frame of a difference picture is missing.
@@ -58,8 +58,6 @@ pub enum ErrorKind {
     Foreign,
     /// It has the right tag, and comes a second time.
     Replayed,
-    /// An update of the prior is damaged, out of order or missing.
-    Update,
     /// There is nothing to do that to now.
     State,
     /// What was begun is not finished.
@@ -84,8 +82,6 @@ impl Error {
             Error::Vulkan(error) => error.kind(),
             Error::Prior(error) => error.kind(),
             Error::PriorChanged { .. } => ErrorKind::OtherPrior,
-            Error::Update(error) => error.kind(),
-            Error::UpdateMissing { .. } => ErrorKind::Update,
             Error::Camera(error) => error.kind(),
             Error::Lens(error) => error.kind(),
             Error::FrameTooLarge { .. } => ErrorKind::Limit,
@@ -95,7 +91,8 @@ impl Error {
             Error::FrameSize { .. } => ErrorKind::Image,
             Error::Budget { .. } => ErrorKind::Budget,
             Error::NoStart { .. } => ErrorKind::NoStart,
-            Error::CameraUnknown { .. } | Error::SessionUnknown { .. } => ErrorKind::CameraUnknown,
+            Error::SessionUnknown { .. } => ErrorKind::SessionUnknown,
+            Error::Estranged { .. } => ErrorKind::OtherPrior,
             Error::Thread(_) => ErrorKind::Memory,
             Error::Queue(error) => error.kind(),
             Error::MaskSize { .. }
@@ -145,24 +142,12 @@ impl PriorError {
     }
 }
 
-impl UpdateError {
-    /// What kind of failure it is.
-    pub fn kind(&self) -> ErrorKind {
-        match self {
-            UpdateError::Newer { .. } => ErrorKind::Newer,
-            UpdateError::Foreign { .. } => ErrorKind::OtherPrior,
-            UpdateError::NoRoom => ErrorKind::State,
-            _ => ErrorKind::Update,
-        }
-    }
-}
-
 impl PacketError {
     /// What kind of failure it is.
     pub fn kind(&self) -> ErrorKind {
         match self {
             PacketError::Prior { .. } => ErrorKind::OtherPrior,
-            PacketError::Version(_) | PacketError::Coder(_) => ErrorKind::Newer,
+            PacketError::Version | PacketError::Coder(_) => ErrorKind::Newer,
             error if error.part() == Some(Part::Residual) => ErrorKind::Residual,
             _ => ErrorKind::Packet,
         }
@@ -174,7 +159,6 @@ impl ResidualError {
     pub fn kind(&self) -> ErrorKind {
         match self {
             ResidualError::ReferenceMissing { .. } => ErrorKind::Reference,
-            ResidualError::CoderMissing { .. } => ErrorKind::Unsupported,
             ResidualError::InterestSize { .. }
             | ResidualError::InterestWeight { .. }
             | ResidualError::InterestEmpty => ErrorKind::Argument,
@@ -190,23 +174,20 @@ impl ModemError {
         match self {
             E::Memory(_) => ErrorKind::Memory,
             E::Key(refusal) => refusal.kind(),
-            E::Packet(PacketError::Version(_)) => ErrorKind::Newer,
+            E::Packet(PacketError::Version) => ErrorKind::Newer,
             E::Loss(..)
             | E::RateControl { .. }
             | E::Collector { .. }
             | E::CollectorAge(_)
             | E::ShareCount(_)
-            | E::UnprotectedCount(_)
+            | E::UnprotectedCount { .. }
             | E::UnprotectedStream(_)
             | E::UnpacedReports
             | E::UserBytes(_)
-            | E::UpdateShare { .. }
-            | E::Reserve { .. }
             | E::Time(_) => ErrorKind::Argument,
             E::Budget { .. } => ErrorKind::Budget,
-            E::NotPlanned | E::NoReports | E::Unpaced | E::NoUpdates => ErrorKind::State,
-            E::Waiting { .. } | E::UpdatesFull { .. } => ErrorKind::Unfinished,
-            E::Update(_) | E::UpdateOrder { .. } | E::UpdateTooLong { .. } => ErrorKind::Update,
+            E::NotPlanned | E::NoReports | E::Unpaced => ErrorKind::State,
+            E::Waiting { .. } => ErrorKind::Unfinished,
             _ => ErrorKind::Modem,
         }
     }

@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::image::{Mask, psnr_of_mse};
-use crate::packet::{Latent, RenderCheck, Residual};
+use crate::packet::{Latent, RenderCheck, Residual, Session};
 use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
     Viewpoint,
 };
 use crate::truth::{Base, Compared, TruthEncoder};
-use crate::{Camera, Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
+use crate::{Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 
 /// A frame on its way through the encoder. Buffers are kept from frame to frame.
 ///
@@ -25,9 +25,10 @@ pub(crate) struct FrameWork {
     pub interest: Option<Arc<Interest>>,
     pub render: Picture,
     pub latent: Option<Latent>,
-    /// What the latent part is about: [`session_check`](crate::packet::session_check).
-    pub session: u32,
-    pub camera: Option<Camera>,
+    /// What the packet is about.
+    pub session: Option<Session>,
+    /// The packet states it.
+    pub states_session: bool,
     /// Whether the packet has a check of the render.
     pub has_render_check: bool,
     pub rate: Option<Rate>,
@@ -39,20 +40,9 @@ pub(crate) struct FrameWork {
     /// Depths of the render; in streams only.
     pub depths: Vec<f32>,
     pub pose: Pose,
-    #[cfg(feature = "training")]
-    pub found: FoundFrame,
     /// As far as they are known.
     pub stats: FrameStats,
     pub encoded: Encoded,
-}
-
-/// What a learner needs to know of a frame.
-#[cfg(feature = "training")]
-#[derive(Clone, Copy, Default)]
-pub(crate) struct FoundFrame {
-    pub number: u32,
-    /// The picture confirms the pose.
-    pub certain: bool,
 }
 
 /// What a frame of a stream may be predicted from.
@@ -153,8 +143,8 @@ impl FrameWork {
         encoded: &mut Encoded,
     ) -> Result<bool, Error> {
         let render = self.has_render_check.then(|| RenderCheck::of(&self.render));
-        let camera = self.camera;
-        let packet = Packet { latent, camera, render, residual: Residual::None, truth: None };
+        let session = self.session.filter(|_| self.states_session);
+        let packet = Packet { latent, session, render, residual: Residual::None, truth: None };
         let Some(rate) = self.coders_rate() else {
             encoded.picture.clone_from(&self.render);
             packet.write(&mut encoded.packet)?;
@@ -171,7 +161,7 @@ impl FrameWork {
         }
         let mut bytes = 0;
         if let Some(truth) = &mut coders.truth {
-            if self.camera.is_some() {
+            if self.states_session {
                 // The topside may lack what came before.
                 truth.forget();
             }
@@ -198,13 +188,7 @@ impl FrameWork {
     ) -> Result<Written, Error> {
         let Coders { residual, truth } = coders;
         let (frame, render) = (&self.frame, &self.render);
-        // The coder counts length and check of the full form.
         let others = packet.encoded_len() + reserved.bytes;
-        let budget = match rate {
-            Rate::Bytes(budget) => Some(budget),
-            Rate::Quality(_) | Rate::Psnr(_) => None,
-        };
-        let others = others - packet.latent.spared(budget, others);
         let in_stream = self.stream.as_ref().map(|stream| InStream {
             frame: StreamFrame {
                 frame: self.stats.frame,
@@ -214,7 +198,6 @@ impl FrameWork {
             structure: stream.structure,
             acknowledged: &stream.acknowledged,
         });
-        residual.allow_small_blocks(packet.latent.is_short());
         let coded = match &in_stream {
             Some(stream) => residual.encode_in_stream(frame, render, rate, others, stream)?,
             None => residual.encode(frame, render, rate, others)?,
@@ -227,7 +210,7 @@ impl FrameWork {
             let base = match packet.residual {
                 Residual::None | Residual::Omitted => Base::Picture,
                 Residual::Stream { reference: Some(_), .. } => Base::Unknown,
-                Residual::Coded { .. } | Residual::Stream { .. } => Base::Render(render),
+                _ => Base::Render(render),
             };
             let (picture, mask) = (&encoded.picture, self.mask.as_deref());
             let compared = Compared { frame, picture, base, mask };

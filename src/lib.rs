@@ -24,7 +24,7 @@
 //!
 //! The rooms from low to high; each knows only those before it: [`random`], [`geometry`], [`keys`], `queue` and
 //! `range_coder`; [`image`]; [`vulkan`]; [`coder_tables`] and [`filter_weights`]; [`prior`]; [`render`]; [`packet`];
-//! [`residual`]; `error`; [`tracking`]; `engine` and [`modem`]; `learning`; `encoder` and `decoder`; `pipeline`;
+//! [`residual`]; `error`; [`tracking`]; `engine` and [`modem`]; `encoder` and `decoder`; `pipeline`;
 //! [`capi`]. `scripts/arrows.py` checks it.
 
 #![deny(unsafe_code)]
@@ -38,8 +38,6 @@ pub mod filter_weights;
 pub mod geometry;
 pub mod image;
 pub mod keys;
-#[cfg(feature = "training")]
-pub mod learning;
 pub mod modem;
 pub mod packet;
 pub mod prior;

@@ -24,7 +24,7 @@ impl Pipeline {
         let lost = Lost::default();
         let (noted, mut coder) = (lost.clone(), Coder::default());
         let code = move |work: &mut FrameWork| {
-            coder.code(work).inspect_err(|_| noted.note(work.camera.is_some()))
+            coder.code(work).inspect_err(|_| noted.note(work.states_session))
         };
         let slots = vec![FrameWork::default(), FrameWork::default()];
         let queue = Queue::new(vec![Box::new(code)], slots, lost.clone(), Box::new(spawn));

@@ -12,7 +12,7 @@ use nvsprior::keys::{Key, Keys};
 use nvsprior::modem::{
     Collector, CollectorOptions, Loss, Protection, RateControlOptions, Sender, SenderOptions,
 };
-use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
+use nvsprior::packet::{Latent, Packet, PoseProfile, QuantisedPose, Residual, Session};
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
 use nvsprior::render::{BlockReader, Scene};
@@ -102,10 +102,11 @@ fn heap_calls_in_blocks(engine: &Engine, frames: &[Picture]) -> usize {
 fn packet(frame: u32) -> Vec<u8> {
     let prior_frame = CoordinateFrame { centre: [0.0; 3], spread: 5.0 };
     let at = QuantisedPose::quantise(&pose(0.0), &prior_frame, PoseProfile::Compact).unwrap();
-    let latent = Latent::new(frame, PriorId(7), &CAMERA, at, false).unwrap();
-    let payload = [frame as u8; 100];
-    let residual = Residual::Coded { coder: Coder::Vp8, payload: &payload };
-    Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
+    let session = Session { prior: PriorId(7), camera: CAMERA };
+    let latent = Latent::new(frame, &session, at, false).unwrap();
+    let payload = [frame as u8 | 1; 100];
+    let residual = Residual::Coded { small_blocks: false, payload: &payload };
+    Packet { latent, session: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
 /// Sends packets over a link that loses every third share, and brings what comes a second time, and damaged; heap calls
@@ -125,8 +126,7 @@ fn heap_calls_of_link(packets: &[Vec<u8>], protection: Protection, keys: Option<
         loss: Loss { chance: 0.3, burst: 2.0 },
         user: user.map(<[u8]>::len),
     };
-    let options =
-        SenderOptions { control, stream: 0, protection, expect_reports: true, updates: None };
+    let options = SenderOptions { control, stream: 0, protection, expect_reports: true };
     let (mut sender, mut collector) = match keys {
         None => (Sender::new(options), Collector::new(CollectorOptions::new(64))),
         Some(keys) => (

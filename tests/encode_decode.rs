@@ -6,12 +6,15 @@ mod scene;
 use std::sync::Arc;
 
 use common::assert_silent;
-use nvsprior::packet::{Latent, PoseProfile, RenderCheck};
+use nvsprior::packet::{
+    Latent, PacketError, PoseProfile, QuantisedPose, RenderCheck, Residual, Session,
+};
+use nvsprior::random::Random;
 use nvsprior::render::{Plan, Scene};
 use nvsprior::tracking::{Optimizer, StartKind};
 use nvsprior::{
     Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, FrameInfo, Hint, Packet,
-    Picture, Pipeline, Pose, Rate,
+    Picture, Pipeline, Pose, PriorId, Rate,
 };
 use scene::{CAMERA, clean_frame, frame, on_device, pose, pose_error, wall};
 
@@ -29,7 +32,7 @@ fn a_dive_comes_back_as_the_encoder_predicted() {
         let encoded = encoder.encode(&frame, start).unwrap();
         assert!(pose_error(&encoded.pose, &truth) < 0.3, "frame {t}: {:?}", encoded.stats);
         assert!(encoded.stats.psnr > encoded.stats.render_psnr);
-        assert_eq!(encoded.stats.latent_bytes, if t == 0 { 31 } else { 19 });
+        assert_eq!(encoded.stats.latent_bytes, if t == 0 { 24 } else { 20 });
         let decoded = decoder.decode(&encoded.packet).unwrap();
         assert_eq!(decoded.picture, encoded.picture, "frame {t}");
         assert_eq!(decoded.frame, u32::from(t));
@@ -247,13 +250,13 @@ fn a_reset_forgets_the_frames_before() {
     let picture = frame(&engine, &scene, &pose(0.0));
     let at = |time| FrameInfo { hint: Some(Hint::of(pose(0.0))), time: Some(time) };
     encoder.encode(&picture, at(5.0)).unwrap();
-    assert_eq!(encoder.encode(&picture, None).unwrap().packet.len(), 19);
+    assert_eq!(encoder.encode(&picture, None).unwrap().packet.len(), 20);
     assert!(matches!(encoder.encode(&picture, at(4.0)), Err(Error::FrameTimeBack { .. })));
     encoder.reset();
     assert!(matches!(encoder.encode(&picture, None), Err(Error::NoStart { frame: 2 })));
     let afresh = encoder.encode(&picture, at(4.0)).unwrap();
     assert_eq!((afresh.stats.frame, afresh.stats.start), (2, StartKind::External));
-    assert_eq!(afresh.packet.len(), 31, "the camera is known to the topside");
+    assert_eq!(afresh.packet.len(), 49, "the session is stated again");
 }
 
 /// Grey water: noise about a value.
@@ -426,7 +429,7 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     assert!(matches!(refused, Err(Error::SessionUnknown { cameras: 1, .. })), "{refused:?}");
 
     // The latent part alone makes a picture; a damaged residual leaves it.
-    let alone = decoder.decode(&second.packet[..19]).unwrap();
+    let alone = decoder.decode(&second.packet[..20]).unwrap();
     assert_eq!(alone.picture, second.render);
     assert!(alone.damage.is_some());
     let mut damaged = second.packet.clone();
@@ -438,12 +441,56 @@ fn a_decoder_refuses_what_it_cannot_show_and_shows_what_it_can() {
     assert!(decoder.decode(&damaged).is_err());
 }
 
-/// Packets have the short form if prior and camera are known, and the full form if they may not be.
+/// A topside that has drawn packets of its own prior meets those of 100,000 others. Some have its own tag by chance.
 #[test]
-fn the_short_form_is_for_a_known_session() {
+fn packets_of_other_priors_are_refused() {
+    let (engine, scene) = on_device(&wall(7));
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, EncoderOptions::default()).unwrap();
+    let picture = frame(&engine, &scene, &pose(0.0));
+    let own = encoder.encode(&picture, Some(pose(0.0))).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    let tag = Packet::decode(&own.packet).unwrap().latent.tag;
+    let mut random = Random::new(53);
+    let mut same_tag = 0;
+    for _ in 0..100_000 {
+        let prior = PriorId(random.bits() as u32);
+        if prior == scene.id() {
+            continue;
+        }
+        let session = Session { prior, camera: CAMERA };
+        let packet = |frame, session: Option<Session>| {
+            let whose = Session { prior, camera: CAMERA };
+            let quantise =
+                |profile| QuantisedPose::quantise(&pose(0.0), &scene.coordinate_frame(), profile);
+            let profile = if session.is_some() { PoseProfile::Compact } else { PoseProfile::Short };
+            let latent = Latent::new(frame, &whose, quantise(profile).unwrap(), false).unwrap();
+            let residual = Residual::None;
+            Packet { latent, session, render: None, residual, truth: None }.encode().unwrap()
+        };
+        if session.tag() == Ok(tag) {
+            same_tag += 1;
+            // The worst case: the topside has just drawn its own.
+            assert_eq!(decoder.decode(&own.packet).unwrap().picture, own.picture);
+        }
+        let refused = decoder.decode(&packet(1, Some(session)));
+        assert!(matches!(refused, Err(Error::Packet(PacketError::Prior { .. }))), "{refused:?}");
+        let refused = decoder.decode(&packet(2, None));
+        assert!(matches!(refused, Err(Error::Estranged { frame: 2 })), "{refused:?}");
+    }
+    // One in 65,536.
+    assert!((1..10).contains(&same_tag), "{same_tag}");
+    let next = encoder.encode(&picture, None).unwrap();
+    assert!(matches!(decoder.decode(&next.packet), Err(Error::Estranged { .. })));
+    assert_eq!(decoder.decode(&own.packet).unwrap().picture, own.picture);
+    assert_eq!(decoder.decode(&next.packet).unwrap().picture, next.picture);
+}
+
+/// Packets state the session, prior and camera, if the topside may not know it.
+#[test]
+fn a_session_is_stated_when_it_may_not_be_known() {
     let (engine, scene) = on_device(&wall(7));
     let pictures: Vec<_> = (0..3).map(|t| frame(&engine, &scene, &pose(t.into()))).collect();
-    let options = || EncoderOptions { rate: None, first_frame: 0x02_FFFD, ..Default::default() };
+    let options = || EncoderOptions { rate: None, first_frame: 0xFFFD, ..Default::default() };
     let start = Some(pose(0.0));
 
     let every_third = EncoderOptions { camera_interval: 3, ..options() };
@@ -453,7 +500,7 @@ fn the_short_form_is_for_a_known_session() {
         let encoded = encoder.encode(&pictures[t % 3], start).unwrap();
         let decoded = decoder.decode(&encoded.packet).unwrap();
         assert_eq!(decoded.picture, encoded.picture);
-        assert_eq!(decoded.frame, 0x02_FFFD + t as u32, "the count goes on beyond sixteen bits");
+        assert_eq!(decoded.frame, 0xFFFD + t as u32, "the count goes on beyond sixteen bits");
         assert_eq!(
             Latent::decode(&encoded.packet).unwrap().encoded_len(),
             encoded.stats.latent_bytes
@@ -461,27 +508,16 @@ fn the_short_form_is_for_a_known_session() {
         encoded.packet.len()
     };
     let lengths: Vec<_> = (0..5).map(|t| next(&mut encoder, t)).collect();
-    assert_eq!(lengths, [49, 19, 19, 49, 19]);
+    assert_eq!(lengths, [49, 20, 20, 49, 20]);
     encoder.reset();
-    assert_eq!([next(&mut encoder, 5), next(&mut encoder, 6)], [31, 49]);
+    assert_eq!([next(&mut encoder, 5), next(&mut encoder, 6)], [49, 20]);
     encoder.announce();
-    assert_eq!([next(&mut encoder, 7), next(&mut encoder, 8)], [49, 19]);
+    assert_eq!([next(&mut encoder, 7), next(&mut encoder, 8)], [49, 20]);
     let longer = Camera { fx: CAMERA.fx * 1.01, ..CAMERA };
     encoder.set_camera(&longer).unwrap();
-    assert_eq!([next(&mut encoder, 9), next(&mut encoder, 10)], [49, 19]);
-
-    let other_forms = [
-        (EncoderOptions { short: false, ..options() }, 31),
-        (EncoderOptions { profile: PoseProfile::Paper, ..options() }, 43),
-    ];
-    for (options, length) in other_forms {
-        let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
-        encoder.encode(&pictures[0], start).unwrap();
-        assert_eq!(encoder.encode(&pictures[1], None).unwrap().packet.len(), length);
-    }
+    assert_eq!([next(&mut encoder, 9), next(&mut encoder, 10)], [49, 20]);
 }
 
-/// A byte budget counts the short form's own check.
 #[test]
 fn a_budget_holds_for_a_short_packet() {
     let (engine, scene) = on_device(&wall(5));
@@ -490,16 +526,16 @@ fn a_budget_holds_for_a_short_packet() {
     encoder.encode(&picture, Some(pose(0.0))).unwrap();
     let mut decoder = Decoder::new(&engine, &scene);
     decoder.add_camera(&CAMERA).unwrap();
-    for budget in [19, 30, 250, 400, 800] {
+    for budget in [20, 30, 250, 400, 800] {
         encoder.set_rate(Some(Rate::Bytes(budget)));
         let encoded = encoder.encode(&picture, None).unwrap();
-        assert_eq!(encoded.stats.latent_bytes, 19);
+        assert_eq!(encoded.stats.latent_bytes, 20);
         assert!(encoded.packet.len() <= budget, "{} for {budget}", encoded.packet.len());
         assert_eq!(decoder.decode(&encoded.packet).unwrap().picture, encoded.picture);
     }
-    encoder.set_rate(Some(Rate::Bytes(18)));
+    encoder.set_rate(Some(Rate::Bytes(19)));
     let refused = encoder.encode(&picture, None);
-    assert!(matches!(refused, Err(Error::Budget { budget: 18, needed: 19 })));
+    assert!(matches!(refused, Err(Error::Budget { budget: 19, needed: 20 })));
 }
 
 #[test]
@@ -539,7 +575,7 @@ fn the_rate_may_change_with_the_link() {
     encoder.set_rate(None);
     let bare = encoder.encode(&picture, None).unwrap();
     let [fine, coarse, bare] = [fine, coarse, bare].map(|encoded| encoded.packet.len());
-    assert!(fine > 300 && coarse <= 300 && coarse > 19 && bare == 19, "{fine}, {coarse}, {bare}");
+    assert!(fine > 300 && coarse <= 300 && coarse > 20 && bare == 20, "{fine}, {coarse}, {bare}");
 }
 
 /// If the vehicle sends a check, a topside whose prior looks a little different learns of it.
@@ -549,20 +585,29 @@ fn a_render_check_tells_a_different_render() {
     let scene = engine.upload(&scene::wall(1)).unwrap();
     let options = EncoderOptions { check_interval: 2, ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &scene::CAMERA, options).unwrap();
-    let mut decoder = Decoder::new(&engine, &scene);
-    for t in 0..3 {
+    let [mut decoder, mut elsewhere] = [(), ()].map(|()| Decoder::new(&engine, &scene));
+    for t in 0..3_u32 {
         let pose = scene::pose(f64::from(t));
         let frame = scene::frame(&engine, &scene, &pose);
         let encoded = encoder.encode(&frame, Some(pose)).unwrap();
         let decoded = decoder.decode(&encoded.packet).unwrap();
         assert_eq!(decoded.same_render, (t % 2 == 0).then_some(true), "frame {t}");
         let packet = Packet::decode(&encoded.packet).unwrap();
-        if let Some(check) = packet.render {
+        if let (0, Some(check)) = (t, packet.render) {
             let render = Some(RenderCheck(check.0 ^ 1));
             let other = Packet { render, ..packet }.encode().unwrap();
-            let decoded = decoder.decode(&other).unwrap();
+            let decoded = elsewhere.decode(&other).unwrap();
             assert_eq!(decoded.same_render, Some(false));
             assert_eq!(decoded.picture, encoded.picture, "shown all the same");
+        } else {
+            // Another render was drawn there, so what does not state the session is not shown.
+            let refused = elsewhere.decode(&encoded.packet);
+            assert!(matches!(refused, Err(Error::Estranged { frame }) if frame == t));
+        }
+        if t == 2 {
+            encoder.announce();
+            let encoded = encoder.encode(&frame, Some(pose)).unwrap();
+            assert_eq!(elsewhere.decode(&encoded.packet).unwrap().picture, encoded.picture);
         }
     }
     common::assert_silent(&engine);

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 use nvsprior::keys::{Key, Keys, Refusal};
 use nvsprior::modem::{
     Collected, Collector, CollectorOptions, Loss, ModemError, Protection, RateControlOptions,
-    Report, Sender, SenderOptions, UpdateOptions,
+    Report, Sender, SenderOptions,
 };
-use nvsprior::packet::{Coder, Latent, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::{CoordinateFrame, Learnt, NewSplat, Update, UpdateGrid};
+use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Residual, Session};
+use nvsprior::prior::CoordinateFrame;
 use nvsprior::random::Random;
 use nvsprior::{Camera, Packet, Pose, PriorId};
 use proptest::prelude::*;
@@ -26,30 +26,10 @@ fn packet(frame: u32, fill: u8, bytes: usize) -> Vec<u8> {
     let prior_frame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
     let pose = Pose::exp(&[0.001; 6]);
     let pose = QuantisedPose::quantise(&pose, &prior_frame, PoseProfile::Compact).unwrap();
-    let latent = Latent::new(frame, PriorId(7), &camera, pose, false).unwrap();
+    let latent = Latent::new(frame, &Session { prior: PriorId(7), camera }, pose, false).unwrap();
     let payload = vec![fill; bytes.saturating_sub(45)];
-    let residual = Residual::Coded { coder: Coder::Vp8, payload: &payload };
-    Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
-}
-
-fn update() -> Vec<u8> {
-    let learnt = Learnt::none(PriorId(7));
-    let update = Update {
-        prior: learnt.prior(),
-        number: 1,
-        before: learnt.state(),
-        grid: UpdateGrid { origin: [0.0; 3], exponent: -4 },
-        splats: (0..60)
-            .map(|k| NewSplat { position: [k, 0, 3 * k], ..NewSplat::default() })
-            .collect(),
-        removed: vec![],
-        changed: vec![],
-        fades: vec![],
-        frames: [0, 1],
-    };
-    let mut bytes = Vec::new();
-    update.write(&mut bytes).unwrap();
-    bytes
+    let residual = Residual::Coded { small_blocks: false, payload: &payload };
+    Packet { latent, session: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
 fn options(protection: Protection) -> SenderOptions {
@@ -66,17 +46,15 @@ fn options(protection: Protection) -> SenderOptions {
         loss: Loss { chance: 0.1, burst: 1.0 },
         user: None,
     };
-    let updates = Some(UpdateOptions::default());
-    SenderOptions { control, stream: 0, protection, expect_reports: true, updates }
+    SenderOptions { control, stream: 0, protection, expect_reports: true }
 }
 
-/// The modem frames of so many camera frames, whose payloads are filled with a byte, and an update's pieces.
+/// The modem frames of so many camera frames, whose payloads are filled with a byte.
 fn dive(keys: Option<&Keys>, protection: Protection, frames: u32, fill: u8) -> Vec<Vec<u8>> {
     let mut sender = match keys {
         Some(keys) => Sender::with_keys(options(protection), keys).unwrap(),
         None => Sender::new(options(protection)).unwrap(),
     };
-    sender.push_update(0.0, &update()).unwrap();
     let mut sent = Vec::new();
     for frame in 0..frames {
         let now = f64::from(frame) / 5.0;
@@ -94,17 +72,15 @@ fn dive(keys: Option<&Keys>, protection: Protection, frames: u32, fill: u8) -> V
 }
 
 fn collector(keys: &Keys) -> Collector {
-    let options =
-        CollectorOptions { packets: 64, update_bytes: 4096, ..CollectorOptions::new(MTU) };
+    let options = CollectorOptions { packets: 64, ..CollectorOptions::new(MTU) };
     Collector::with_keys(options, keys).unwrap()
 }
 
-/// What came out of a collector: the bytes of packets, whole and in part, and updates.
+/// What came out of a collector: the bytes of packets, whole and in part.
 #[derive(Default)]
 struct Shown {
     payloads: BTreeSet<u8>,
     complete: usize,
-    updates: usize,
 }
 
 impl Shown {
@@ -114,11 +90,6 @@ impl Shown {
                 let held = collector.packet(stream, frame).unwrap();
                 self.complete += usize::from(held.complete);
                 self.payloads.extend(held.bytes.get(40..held.bytes.len() - 6).unwrap_or_default());
-            }
-            Collected::Update(stream) => {
-                assert_eq!(collector.update(stream), Some(&update()[..]));
-                collector.settle_update(stream, true);
-                self.updates += 1;
             }
             _ => {}
         }
@@ -190,7 +161,7 @@ fn nothing_of_strangers_is_shown() {
         assert!(counts.foreign > strangers / 2 && counts.replayed > strangers / 20, "{counts:?}");
         assert_eq!((counts.rejected, counts.duplicates), (0, 0));
         assert_eq!(shown.payloads, BTreeSet::from([0xAA]), "a picture that nobody sent");
-        assert!(shown.complete > 100 && shown.updates == 1, "{} {}", shown.complete, shown.updates);
+        assert!(shown.complete > 100, "{}", shown.complete);
         let mean = all.as_secs_f64() * 1e6 / strangers as f64;
         println!(
             "{protection:?}: {strangers} frames of strangers, {mean:.2} µs each, at most {longest:?}"
@@ -233,15 +204,16 @@ fn an_mtu_without_room_for_tags_is_refused() {
     let keys = keys(1);
     let of = |mtu, protection| {
         let mut options = options(protection);
-        (options.control.mtu, options.updates) = (mtu, None);
+        options.control.mtu = mtu;
         Sender::with_keys(options, &keys).map(drop)
     };
     let too_small = |mtu, needed| Err(ModemError::KeyedMtu { mtu, needed });
     assert_eq!(of(21, Protection::Layers), too_small(21, 22));
     assert_eq!(of(22, Protection::Layers), Ok(()));
-    assert_eq!(of(36, Protection::None), too_small(36, 37));
+    assert_eq!(of(13, Protection::None), too_small(13, 14));
+    assert_eq!(of(14, Protection::None), Ok(()));
     let tiny = Collector::with_keys(CollectorOptions::new(6), &keys).map(drop);
-    assert_eq!(tiny, too_small(6, 7));
+    assert_eq!(tiny, too_small(6, 14));
     assert!(Collector::with_keys(CollectorOptions::new(0), &keys).is_err());
 }
 

@@ -44,7 +44,7 @@ fn encode(encoder: &mut Encoder, t: usize) -> Encoded {
 }
 
 fn is_predicted(encoded: &Encoded) -> bool {
-    encoded.packet[0] >> 4 == 0x8
+    encoded.packet[0] & 0x1F == 0b1_1001
 }
 
 /// Tells the vehicle what the topside holds of the frames before and at `newest`.
@@ -55,7 +55,7 @@ fn report(encoder: &mut Encoder, topside: &Decoder, newest: usize) {
 }
 
 #[test]
-fn pictures_are_those_of_the_short_form() {
+fn pictures_are_those_of_stated_poses() {
     let (mut encoder, mut plain) = (new_encoder(true), new_encoder(false));
     let mut topside = new_decoder();
     let (mut bytes, mut predicted) = (0, 0);

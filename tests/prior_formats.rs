@@ -9,7 +9,7 @@ use common::{
     REEF_CAMERA, assert_silent, engine, random_pose, random_prior, reef_file, reef_prior,
 };
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{KeyFrames, PartSource, PriorFormat, Splats, ply};
+use nvsprior::prior::{Besides, Extras, KeyFrames, PriorFormat, Splats, ply};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOverrides};
 
@@ -49,8 +49,8 @@ fn a_compact_prior_is_an_eighth_and_shows_the_same() {
     let (frames, poses): (Vec<_>, Vec<_>) = training_frames(&cameras).into_iter().unzip();
     let mut bytes = Vec::new();
     let quantisation = Quantisation::default();
-    let (splats, options, key_frames) = (prior.splats(), prior.options(), prior.key_frames());
-    let id = compact::write(splats, options, key_frames, &quantisation, &mut bytes).unwrap();
+    let (splats, besides) = (prior.splats(), prior.besides());
+    let id = compact::write(splats, &besides, &quantisation, &mut bytes).unwrap();
     let small = Prior::from_bytes(&bytes, "reef.nvsg", &RenderOverrides::default()).unwrap();
     assert_eq!((small.id(), small.len()), (id, prior.len()));
     assert!(bytes.len() * 8 <= 104 * prior.len(), "{} bytes", bytes.len());
@@ -155,12 +155,13 @@ fn key_frames_go_from_container_to_container() {
     assert_eq!((plain.id(), plain.key_frames()), (id, &key_frames));
     // In ten bytes each: within half a step of the poses' bounds, and 0.28°.
     let (mut bytes, mut without) = (Vec::new(), Vec::new());
-    let (splats, options, q) = (plain.splats(), plain.options(), Quantisation::default());
-    let id = compact::write(splats, options, plain.key_frames(), &q, &mut bytes).unwrap();
-    assert_eq!(compact::write(splats, options, &KeyFrames::NONE, &q, &mut without).unwrap(), id);
-    assert_eq!(bytes.len(), without.len() + 28 + 50 * 10);
+    let (splats, besides, q) = (plain.splats(), plain.besides(), Quantisation::default());
+    let id = compact::write(splats, &besides, &q, &mut bytes).unwrap();
+    let bare = Besides { extras: &Extras::default(), ..besides };
+    assert_eq!(compact::write(splats, &bare, &q, &mut without).unwrap(), id);
+    assert_eq!(bytes.len(), without.len() + 21 + 28 + 50 * 10);
     let small = open(&bytes);
-    assert_eq!((small.id(), small.report().key_frames), (id, PartSource::InFile));
+    assert_eq!(small.id(), id);
     assert_eq!(small.splats(), open(&without).splats());
     let [min, max] = key_frames.bounds().unwrap();
     let limit = 0.51 * (max - min).length() / 65_535.0 + 1e-6;

@@ -124,7 +124,7 @@ fn cut_packets_say_what_is_true_or_nothing() {
                 check(&decoded.truth, seen, &decoded.picture, &what);
                 let seen = decoded.truth.count(TruthLevel::AsSeen);
                 told += usize::from(len < packet.len() && seen > 0);
-                if decoded.rows == 0 && Parsed::of(start).unwrap().parts().residual.is_err() {
+                if decoded.rows == 0 && Parsed::of(start).unwrap().residual(start).is_err() {
                     assert_eq!(seen, 0, "{what}: no difference picture came");
                 }
             }

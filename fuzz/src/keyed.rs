@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use arbitrary::{Arbitrary, Unstructured};
 use nvsprior::keys::{Authenticator, Content, Key, Keys, Refusal, Seen, Verifier};
-use nvsprior::modem::{Collector, CollectorOptions, ModemError};
+use nvsprior::modem::{Collector, CollectorOptions, MIN_MTU, ModemError};
 
 #[derive(Arbitrary, Debug)]
 struct Input {
@@ -52,13 +52,15 @@ pub fn run(bytes: &[u8]) {
         let keys = keys.with_tag_bytes(tag).expect("a length in range");
         keys.with_epoch(input.epoch).with_number(number).expect("a number in range")
     };
-    let content = [Content::Frame, Content::Report, Content::Packet, Content::Update]
-        [usize::from(input.content) % 4];
+    let content =
+        [Content::Frame, Content::Report, Content::Packet][usize::from(input.content) % 3];
     let frames = made(&keys(), &input.frames, content);
     let first = keys().ids().next().unwrap_or_default();
     let seen = input.seen.map(|number| Seen { key: first, stream: 0, number });
     let mut verifier = Verifier::new(&keys().with_seen(seen), content);
-    let options = CollectorOptions { packets: 4, ..CollectorOptions::new(64) };
+    // From the smallest MTU on.
+    let mtu = MIN_MTU + keys().overhead() + usize::from(input.content / 3) % 64;
+    let options = CollectorOptions { packets: 4, ..CollectorOptions::new(mtu) };
     let mut collector = Collector::with_keys(options, &keys()).expect("room for tags");
     let mut taken = BTreeSet::new();
     for arrival in &input.arrivals {

@@ -6,7 +6,7 @@
 use std::cell::RefCell;
 
 use nvsprior::Packet;
-use nvsprior::packet::{Extent, Latent, Parsed, Salvage, Session, valid_len};
+use nvsprior::packet::{Extent, Parsed};
 
 #[path = "predicted.rs"]
 mod predicted;
@@ -35,13 +35,13 @@ pub fn run(input: &[u8]) {
     let mut bytes = bytes.to_vec();
     repair::repair(choice, &mut bytes);
     check_extent(&bytes);
-    let Ok(salvage) = Packet::salvage(&bytes) else { return };
-    check_parts(&bytes, &salvage);
-    let Some(at) = size_of(&salvage.latent) else { return };
-    let shown = USED.with_borrow_mut(|used| used[at].decode(choice, &salvage));
+    let Ok(packet) = Parsed::of(&bytes) else { return };
+    check_parts(&bytes);
+    let Some(at) = size_of(&packet) else { return };
+    let shown = USED.with_borrow_mut(|used| used[at].decode(choice, &packet, &bytes));
     // What was decoded before must not show. A topside takes long to make, so one input in 256 is compared.
     if crc32fast::hash(input).is_multiple_of(256) {
-        assert_eq!(Topside::new(SIZES[at]).decode(choice, &salvage), shown);
+        assert_eq!(Topside::new(SIZES[at]).decode(choice, &packet, &bytes), shown);
     }
 }
 
@@ -51,26 +51,21 @@ pub fn reaches(input: &[u8]) -> Vec<String> {
     let Some((&choice, bytes)) = input.split_first() else { return Vec::new() };
     let mut bytes = bytes.to_vec();
     repair::repair(choice, &mut bytes);
-    match Packet::salvage(&bytes) {
-        Ok(salvage) if size_of(&salvage.latent).is_some() => topside::reaches(choice, &salvage),
+    match Parsed::of(&bytes) {
+        Ok(packet) if size_of(&packet).is_some() => topside::reaches(choice, &packet, &bytes),
         _ => Vec::new(),
     }
 }
 
 /// What the start of a packet says of the whole must hold.
 fn check_extent(bytes: &[u8]) {
-    let Ok(extent) = Extent::read(bytes) else { return };
-    assert!(extent.latent <= extent.head && extent.total.is_none_or(|total| extent.head <= total));
-    assert!(valid_len(bytes) <= bytes.len());
+    let Ok(Extent { latent, head, valid, whole, .. }) = Extent::read(bytes) else { return };
+    assert!(latent <= head && latent <= valid && valid <= bytes.len());
+    assert!(whole.is_none_or(|whole| head <= whole && whole == valid));
 }
 
-/// Both ways to read a packet agree, and what was read can be written.
-fn check_parts(bytes: &[u8], salvage: &Salvage) {
-    let parsed = Parsed::of(bytes).expect("it was read before");
-    assert_eq!(parsed.parts().latent, salvage.latent);
-    for last in [None, Some(0), Some(Latent::FRAMES - 1)] {
-        assert!(salvage.latent.frame_near(last) < Latent::FRAMES);
-    }
+/// What was read can be written.
+fn check_parts(bytes: &[u8]) {
     if let Ok(packet) = Packet::decode(bytes) {
         let again = packet.encode().expect("what was read can be written");
         assert_eq!(Packet::decode(&again), Ok(packet));
@@ -78,11 +73,12 @@ fn check_parts(bytes: &[u8], salvage: &Salvage) {
 }
 
 /// Which of [`SIZES`] a packet's picture has; `None`: another one.
-fn size_of(latent: &Latent) -> Option<usize> {
-    match latent.session {
-        Session::Stated { width, height, .. } => {
-            SIZES.iter().position(|size| *size == (width, height))
+fn size_of(packet: &Parsed) -> Option<usize> {
+    match packet.session() {
+        Ok(Some(session)) => {
+            let size = (session.camera.width, session.camera.height);
+            SIZES.iter().position(|own| *own == size)
         }
-        Session::Tagged(tag) => Some(usize::from(tag) % SIZES.len()),
+        _ => Some(usize::from(packet.latent().tag) % SIZES.len()),
     }
 }

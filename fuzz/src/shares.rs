@@ -4,12 +4,13 @@ use arbitrary::{Arbitrary, Unstructured};
 use nvsprior::modem::{
     Collector, CollectorOptions, Loss, PacketState, Report, Sharer, Sharing, SharingOptions,
 };
-use nvsprior::packet::{Coder, Latent, PoseProfile, QuantisedPose, Residual};
-use nvsprior::prior::CoordinateFrame;
-use nvsprior::{Camera, Packet, Pose, PriorId};
+
+use crate::vehicle::{self, Stated, check_complete, is_predicted, is_start};
 
 /// Streams that are taken.
 const STREAMS: usize = 2;
+/// High two bits of an unprotected packet's first share.
+const START: u8 = 0b10;
 
 #[derive(Arbitrary, Debug)]
 struct Input {
@@ -23,7 +24,8 @@ struct Input {
 #[derive(Arbitrary, Debug)]
 struct Sent {
     frame: u16,
-    full: bool,
+    /// Bits: all of it is sent, whatever the budget; its pose is predicted.
+    kind: u8,
     payload: u8,
     budget: u16,
     max: u8,
@@ -48,6 +50,7 @@ enum Arrival {
 }
 
 struct Shared {
+    stream: u8,
     packet: Vec<u8>,
     shares: Vec<Vec<u8>>,
 }
@@ -61,10 +64,14 @@ pub fn run(bytes: &[u8]) {
         CollectorOptions { shares, packets: 4, streams: STREAMS, ..CollectorOptions::new(mtu) };
     let mut collector = Collector::new(options).expect("options in range");
     let sent: Vec<_> = input.packets.iter().take(4).filter_map(|sent| shared(sent, mtu)).collect();
-    let (mut honest, mut now) = (true, 0.0);
+    let (mut honest, mut now) = (tell_apart(&sent), 0.0);
     for arrival in &input.arrivals {
         let (share, after) = match arrival {
-            Arrival::Garbage(bytes) => (bytes.clone(), 0),
+            Arrival::Garbage(bytes) => {
+                // No check vouches for an unprotected packet whose pose is predicted.
+                honest &= bytes.first().is_none_or(|first| first >> 6 != START);
+                (bytes.clone(), 0)
+            }
             Arrival::Share { packet, index, after, padding, flip, repair } => {
                 let Some(shared) = sent.get(usize::from(*packet) % sent.len().max(1)) else {
                     return;
@@ -85,15 +92,24 @@ pub fn run(bytes: &[u8]) {
     let _ = Report::read(bytes);
 }
 
+/// Whether no packet's shares can be taken for another's. Those of absolute poses have a check that tells.
+fn tell_apart(sent: &[Shared]) -> bool {
+    let name = |sent: &Shared| (sent.stream, sent.packet[2]);
+    let mut names: Vec<_> = sent.iter().map(name).collect();
+    names.sort_unstable();
+    names.dedup();
+    names.len() == sent.len() || !sent.iter().any(|sent| is_predicted(&sent.packet))
+}
+
 /// Looks at all that a collector says of a stream. `sent`: what its bytes must be the start of.
 fn look(collector: &Collector, stream: u8, sent: Option<&Vec<Shared>>) {
     if let Some(newest) = collector.newest(stream) {
         if newest.complete {
-            Packet::decode(newest.bytes).expect("a complete packet is valid");
+            check_complete(newest.bytes);
             assert_eq!(collector.missing(stream, newest.frame).count(), 0);
         }
         if let Some(sent) = sent {
-            let known = sent.iter().any(|sent| sent.packet.starts_with(newest.bytes));
+            let known = sent.iter().any(|sent| is_start(newest.bytes, &sent.packet));
             assert!(known, "bytes that nobody sent");
         }
     }
@@ -110,7 +126,8 @@ fn look(collector: &Collector, stream: u8, sent: Option<&Vec<Shared>>) {
 }
 
 fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
-    let packet = packet(sent);
+    let stated = if sent.kind & 2 == 0 { Stated::Short } else { Stated::Predicted };
+    let packet = vehicle::packet(sent.frame, 0.001, stated, Some(sent.payload), false);
     let user = sent.user.map(|len| vec![len; usize::from(len)]);
     let sharing = Sharing::new(&SharingOptions {
         mtu,
@@ -121,28 +138,15 @@ fn shared(sent: &Sent, mtu: usize) -> Option<Shared> {
         loss: Loss { chance: f64::from(sent.loss) / 256.0, burst: 1.0 },
         picture: 19,
         packet: Some(packet.len()),
-        whole: sent.full,
+        whole: sent.kind & 1 != 0,
         user: user.as_ref().map(Vec::len),
     });
     let sharing = sharing.ok()?;
     let mut sharer = Sharer::default();
-    sharer
-        .share(&packet, &sharing, sent.stream % STREAMS as u8, user.as_deref())
-        .expect("a valid packet");
+    let stream = sent.stream % STREAMS as u8;
+    sharer.share(&packet, &sharing, stream, user.as_deref()).expect("a valid packet");
     let shares = (0..sharer.count()).map(|index| sharer.get(index).to_vec()).collect();
-    Some(Shared { packet, shares })
-}
-
-fn packet(sent: &Sent) -> Vec<u8> {
-    let camera = Camera { width: 64, height: 36, fx: 60.0, fy: 60.0, cx: 32.0, cy: 18.0 };
-    let frame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
-    let pose = Pose::exp(&[0.001 * f64::from(sent.frame % 512); 6]);
-    let pose = QuantisedPose::quantise(&pose, &frame, PoseProfile::Short).expect("a pose in range");
-    let latent = Latent::new(sent.frame.into(), PriorId(7), &camera, pose, false).expect("small");
-    let latent = latent.shortened(PriorId(7), &camera).expect("small");
-    let payload: Vec<u8> = (0..sent.payload).map(|i| i ^ sent.frame as u8).collect();
-    let residual = Residual::Coded { coder: Coder::Vp8, payload: &payload };
-    Packet { latent, camera: None, render: None, residual, truth: None }.encode().expect("a packet")
+    Some(Shared { stream, packet, shares })
 }
 
 /// Flips a bit of a share; may make its check right again.
@@ -156,7 +160,7 @@ fn damage(share: &mut [u8], bit: u16, repair: bool) {
     let numbers = |share: &[u8], from: usize| {
         from + share[from..].iter().take_while(|byte| **byte >= 0x80).count() + 1
     };
-    let start = if share[1] & 0x10 != 0 { 4 } else { 3 };
+    let start = if share[1] & 8 != 0 { 4 } else { 3 };
     let head = numbers(share, start).min(share.len());
     let head = numbers(share, head);
     if head + 2 > share.len() {

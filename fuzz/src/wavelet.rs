@@ -7,7 +7,7 @@ use std::cell::RefCell;
 
 use nvsprior::Picture;
 use nvsprior::coder_tables::Tables;
-use nvsprior::packet::{Coder, Residual, ResidualStart};
+use nvsprior::packet::{Residual, ResidualStart};
 use nvsprior::residual::{ResidualDecoder, ResidualError};
 
 /// Sizes of pictures. Small ones, so that inputs take microseconds.
@@ -40,20 +40,15 @@ pub fn run(input: &[u8]) {
     let at = usize::from(choice & 7);
     let (start, portable) = (choice & 8 != 0, choice & 16 == 0);
     let render = render(SIZES[at]);
-    let coder = if choice & 32 == 0 { Coder::Wavelet } else { Coder::SmallBlocks };
+    let small_blocks = choice & 32 != 0;
     let decode = |decoder: &mut ResidualDecoder| {
         let mut shown = render.clone();
-        let outcome = if start {
-            let payload_len = payload.len() + usize::from(choice >> 5);
-            decoder
-                .add_start(
-                    &ResidualStart { coder, reference: None, payload, payload_len },
-                    portable,
-                    &mut shown,
-                )
-                .map(drop)
-        } else {
-            decoder.add(&Residual::Coded { coder, payload }, portable, &mut shown).map(drop)
+        let outcome = match start {
+            true => {
+                let start = ResidualStart { small_blocks, reference: None, payload };
+                decoder.add_start(&start, portable, &mut shown)
+            }
+            false => decoder.add(&Residual::Coded { small_blocks, payload }, portable, &mut shown),
         };
         (outcome, shown)
     };
@@ -62,9 +57,7 @@ pub fn run(input: &[u8]) {
         Ok(()) => {}
         // A payload is refused that looks at another render, or at an earlier frame. Nothing is drawn then.
         Err(ResidualError::OtherRender) => assert!(!portable && shown == render),
-        Err(ResidualError::Payload(_)) => {
-            assert!(!start && coder == Coder::SmallBlocks && shown == render)
-        }
+        Err(ResidualError::Payload(_)) => assert!(!start && small_blocks && shown == render),
         Err(other) => panic!("{other}"),
     }
     // What was decoded before must not show. A decoder takes long to make, so one input in 256 is compared.

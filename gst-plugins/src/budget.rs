@@ -189,26 +189,26 @@ mod tests {
         let control = control.unwrap();
         let own = Budget::of(&control, 200, 0);
         assert_eq!(own, BUDGET);
-        assert_eq!(own.divide(19, 150), control.divide(200, 19, 150));
-        let sharing = own.divide(19, 150).unwrap();
+        assert_eq!(own.divide(20, 150), control.divide(200, 20, 150));
+        let sharing = own.divide(20, 150).unwrap();
         assert_eq!(own.cost(&sharing), control.cost(&sharing));
     }
 
     #[test]
     fn a_budget_that_fits_holds_the_packet() {
-        for packet in [31, 150, 700] {
+        for packet in [49, 150, 700] {
             for (loss, most) in [(0.0, 1.35), (0.1, 2.6), (0.3, 3.5)] {
                 let loss = Loss { chance: loss, burst: 1.0 };
                 let mut budget = Budget { loss, shares: 32, ..BUDGET };
-                let sharing = budget.fit(19, packet).unwrap();
+                let sharing = budget.fit(20, packet).unwrap();
                 assert!(sharing.capacity() >= packet, "{packet} {loss:?}");
                 let least = packet as f64 + 25.0;
                 assert!(f64::from(budget.bytes) <= most * least + 60.0, "{packet} {budget:?}");
             }
         }
         let mut few = Budget { shares: 2, ..BUDGET };
-        assert!(few.fit(19, 700).is_ok_and(|sharing| sharing.capacity() < 700));
+        assert!(few.fit(20, 700).is_ok_and(|sharing| sharing.capacity() < 700));
         let mut none = Budget { shares: 1, mtu: 16, ..BUDGET };
-        assert!(none.fit(19, 700).is_err());
+        assert!(none.fit(20, 700).is_err());
     }
 }

@@ -29,12 +29,8 @@ pub struct HeldPrior {
 }
 
 impl HeldPrior {
-    /// Opens the device, reads the prior and uploads it, with room for updates if there will be some. That takes
-    /// seconds.
-    pub fn open(
-        settings: &PriorSettings,
-        for_updates: bool,
-    ) -> Result<HeldPrior, gst::ErrorMessage> {
+    /// Opens the device, reads the prior and uploads it. That takes seconds.
+    pub fn open(settings: &PriorSettings) -> Result<HeldPrior, gst::ErrorMessage> {
         let Some(file) = &settings.prior else {
             let what = "give the file of the trained scene, .ply, .nvsg, .nvsb or .spz";
             let error = PropertyError::Missing("prior", what);
@@ -51,7 +47,6 @@ impl HeldPrior {
         let engine = Engine::new(&options)
             .map_err(|error| gst::error_msg!(gst::ResourceError::OpenReadWrite, ("{error}")))?;
         let uploaded = match &content {
-            Content::Whole(prior) if for_updates => engine.upload_for_updates(prior),
             Content::Whole(prior) => engine.upload(prior),
             Content::InBlocks(blocked) => {
                 let limit = u64::from(settings.memory) << 20;
@@ -70,7 +65,7 @@ enum Content {
 }
 
 impl PriorSettings {
-    /// Whether the prior stays in its file, and is loaded by what cameras see. It then takes no updates.
+    /// Whether the prior stays in its file, and is loaded by what cameras see.
     pub fn is_in_blocks(&self) -> bool {
         self.memory > 0
     }

@@ -17,7 +17,6 @@ mod budget;
 mod caps;
 mod decoder;
 mod depayloader;
-mod dive_file;
 mod element;
 mod encoder;
 mod held_prior;
@@ -27,7 +26,6 @@ mod payloader;
 mod playout;
 mod property;
 mod stats;
-mod update_event;
 
 use gst::glib;
 

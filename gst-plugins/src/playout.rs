@@ -1,6 +1,6 @@
 //! When a packet's shares have come, which packet goes on, and when it is shown.
 //!
-//! A frame's time is that of its number: numbers count the camera's frames. When frame 0 was taken is learnt from the
+//! A frame's time is that of its number: numbers count the camera's frames. When frame 0 was taken follows from the
 //! shares: a share never comes before its frame was taken plus what the link takes at least. So pictures are shown
 //! evenly, however unevenly shares come. A packet waits until it is complete, at most for the latency. Then it goes on
 //! with what has come of it.
@@ -9,7 +9,6 @@ use std::collections::BTreeMap;
 
 use nvsprior::keys::Keys;
 use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistics, ModemError};
-use nvsprior::prior::StateId;
 
 /// How packets are put together.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,15 +44,13 @@ struct Waiting {
     complete: bool,
 }
 
-/// Room for an update, bytes. Learners make updates of up to half of it.
-const UPDATE_BYTES: usize = 1 << 13;
 /// Packets held, those of which shares may come.
 const PACKETS: usize = 64;
-/// Packets of the short form state their frame number modulo this.
+/// Packets state their frame number modulo this.
 const FRAMES: i64 = 1 << 16;
 /// Shares tell packets apart by their frame number modulo this.
-const NUMBERS: u32 = 128;
-/// Camera frames after which a packet is stale at the latest: shares name frames modulo 128.
+const NUMBERS: u32 = 256;
+/// Camera frames after which a packet is stale at the latest: no more packets are held.
 const STALE: f64 = 60.0;
 /// Seconds for which packets are kept beyond the latency, so that the loss is known.
 const KEPT: f64 = 2.0;
@@ -73,7 +70,7 @@ pub struct Playout {
     /// The time of frame 0, seconds.
     origin: Option<f64>,
     restarted: bool,
-    /// When the first shares came, seconds, by number modulo 128: before a frame number is known.
+    /// When the first shares came, seconds, by number modulo 256: before a frame number is known.
     heard: BTreeMap<u32, f64>,
     /// Packets that came too late, and the last of them.
     late: u64,
@@ -89,7 +86,6 @@ impl Playout {
             packets: PACKETS,
             streams: usize::from(options.stream) + 1,
             age: (options.latency + KEPT).min(stale),
-            update_bytes: UPDATE_BYTES,
             ..CollectorOptions::new(options.mtu)
         };
         let collector = match keys {
@@ -119,26 +115,11 @@ impl Playout {
         self.collector.statistics()
     }
 
-    /// An update of which enough pieces have come: that which is due first. Say what became of it, and ask again.
-    pub fn update(&self) -> Option<&[u8]> {
-        self.collector.update(self.options.stream)
-    }
-
-    /// Tells whether the update was added. If not, it comes again after another one.
-    pub fn settle_update(&mut self, added: bool) {
-        self.collector.settle_update(self.options.stream, added);
-    }
-
-    /// What the vehicle is to know, as a modem frame: what came of packets, and the updates that the topside holds,
-    /// newest first. `None`: no packet has come yet.
-    pub fn report(
-        &mut self,
-        states: impl Iterator<Item = (u16, StateId)>,
-    ) -> Result<Option<Vec<u8>>, ModemError> {
+    /// What the vehicle is to know of packets that came, as a modem frame. `None`: none has come yet.
+    pub fn report(&mut self) -> Result<Option<Vec<u8>>, ModemError> {
         // Which frames were decoded in full is not known here.
         let report = self.collector.report(self.options.stream, |_| false)?;
-        let Some(mut report) = report else { return Ok(None) };
-        report.tell_states(states);
+        let Some(report) = report else { return Ok(None) };
         let mut bytes = vec![0; self.options.mtu];
         let len = self.collector.write_report(&report, None, &mut bytes)?;
         bytes.truncate(len);
@@ -165,7 +146,7 @@ impl Playout {
                 }
                 Some(i64::from(frame))
             }
-            Collected::Kept | Collected::Update(_) => None,
+            Collected::Kept => None,
             Collected::Duplicate | Collected::Surplus | Collected::Damaged(..) => return Ok(()),
         };
         if let Some(stated) = frame {

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use nvsprior::geometry::{CameraError, Distortion, Intrinsics, Lens, LensError};
 use nvsprior::image::{Mask, PixelError};
-use nvsprior::prior::UpdateError;
 use nvsprior::residual::Interest;
 use nvsprior::{Camera, Pose};
 
@@ -31,14 +30,6 @@ pub enum PropertyError {
     MaskFile { file: PathBuf, error: image::ImageError },
     #[error("property mask: {0}")]
     Mask(#[from] PixelError),
-    #[error("property {name}: {}: there is no such folder", file.display())]
-    NoFolder { name: &'static str, file: PathBuf },
-    #[error("property {name}: {error}")]
-    Updates { name: &'static str, error: UpdateError },
-    #[error("property learnt takes room for updates: do not set updates=false")]
-    NoUpdates,
-    #[error("property {0}: the prior must be loaded whole. Do not set prior-memory")]
-    InBlocks(&'static str),
 }
 
 const CAMERA_FORM: &str =

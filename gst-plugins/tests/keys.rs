@@ -9,6 +9,8 @@ mod scene;
 use fixture::{Pipeline, fixture};
 use gst::glib;
 use gst::prelude::*;
+use nvsprior::keys::{Content, Key, Keys, Refusal, Verifier};
+use nvsprior::modem::Report;
 
 /// A folder with key files.
 struct Folder(tempfile::TempDir);
@@ -92,32 +94,30 @@ fn key_files_that_cannot_be_used_are_named_and_not_shown() {
     }
 }
 
-/// A report that a stranger made does nothing.
+/// The vehicle takes a report once, by the key that both have.
 #[test]
-fn reports_need_a_tag() {
+fn reports_have_a_tag() {
     let (fixture, folder) = (fixture(), Folder::new());
     let own = folder.key("own");
-    let text = format!(
-        "nvsppay name=payloader loss=0 expect-reports=true {own} ! tee name=tee ! queue \
-         ! nvspdepay name=depayloader {own} ! fakesink tee. ! queue"
-    );
+    let text = format!("nvsppay loss=0 {own} ! nvspdepay name=depayloader {own}");
     let pipeline: Pipeline = fixture.encoding("rate=bytes bytes=200", &text);
     pipeline.play();
     pipeline.push_frames(&fixture.frames[..4]);
     pipeline.end();
     pipeline.drain();
-    let payloader = pipeline.element("payloader");
-    let depayloader = pipeline.element("depayloader");
-    let report = || depayloader.emit_by_name::<Option<glib::Bytes>>("report", &[]);
-    let take = |bytes: &glib::Bytes| payloader.emit_by_name::<bool>("report", &[bytes]);
-    let one = report().expect("packets have come");
-    assert!(take(&one));
-    assert!(!take(&one), "it comes a second time");
-    let mut forged = one.to_vec();
-    forged[3] ^= 1;
-    assert!(!take(&glib::Bytes::from_owned(forged)));
-    assert!(take(&report().unwrap()));
-    let stats = pipeline.stats("payloader");
-    assert_eq!((count(&stats, "foreign"), count(&stats, "replayed")), (1, 1));
-    assert_eq!(count(&pipeline.stats("depayloader"), "next-number"), 2);
+    let report = pipeline
+        .element("depayloader")
+        .emit_by_name::<Option<glib::Bytes>>("report", &[])
+        .expect("packets have come");
+    assert_eq!(count(&pipeline.stats("depayloader"), "next-number"), 1);
+    let verifier = |byte| {
+        let keys = Keys::new([Key::new([byte; 32])]).unwrap();
+        Verifier::new(&keys.with_tag_bytes(4).unwrap(), Content::Report)
+    };
+    assert_eq!(verifier(0x22).verify(&report).err(), Some(Refusal::Foreign));
+    let mut own = verifier(0x11);
+    let content = own.verify(&report).unwrap().content;
+    let (report_of, _) = Report::read(content).unwrap();
+    assert_eq!(report_of.newest(), 3);
+    assert_eq!(own.verify(&report).err(), Some(Refusal::Replayed));
 }

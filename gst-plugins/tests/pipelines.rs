@@ -212,7 +212,6 @@ fn what_cannot_start_says_why() {
         (format!("nvspenc prior={prior} {camera} device=nonesuch"), "nonesuch"),
         (format!("nvspenc prior={prior} {camera} start=1,2"), "property start"),
         (format!("nvspenc prior={prior} {camera} prior-memory=8"), "prior.ply"),
-        (format!("nvspenc prior={prior} {camera} prior-memory=8 learn=60"), "property learn"),
     ] {
         let pipeline = Pipeline::new(&format!("{} ! {encoder}", Fixture::source()));
         assert!(pipeline.0.set_state(gst::State::Playing).is_err(), "{encoder}");
@@ -358,7 +357,7 @@ fn packets_that_give_nothing_do_not_end_the_pipeline() {
     let count = |name| stats.get::<u64>(name).unwrap();
     assert_eq!((count("packets"), count("refused"), count("damaged")), (7, 3, 2), "{stats}");
     let warnings = pipeline.warnings();
-    for text in ["session", "not a packet", "missing"] {
+    for text in ["its tag", "its check does not match", "predicted from that of frame 2"] {
         assert!(warnings.iter().any(|of| of.contains(text)), "{text}: {warnings:?}");
     }
 }
@@ -432,7 +431,7 @@ fn in_a_live_pipeline_a_packet_does_not_wait_for_the_next_share() {
     let first = sample.buffer_owned().unwrap();
     drop(sample);
     assert!(first.flags().contains(gst::BufferFlags::CORRUPTED));
-    assert!(first.size() < 200 && first.size() >= 31);
+    assert!(first.size() < 200 && first.size() >= 24);
     let mut query = gst::query::Latency::new();
     assert!(pipeline.element("depayloader").static_pad("src").unwrap().query(&mut query));
     let (live, least, _) = query.result();

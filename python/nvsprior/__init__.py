@@ -60,7 +60,6 @@ from .errors import (
     ReplayedError,
     ResidualError,
     StateError,
-    UpdateError,
 )
 from .link import Shown, link
 
@@ -106,7 +105,6 @@ __all__ = [
     "Sender",
     "Shown",
     "StateError",
-    "UpdateError",
     "__version__",
     "devices",
     "link",

@@ -50,11 +50,11 @@ class PacketError(Error):
 
 
 class OtherPriorError(PacketError):
-    """The packet is about another prior than the one at hand."""
+    """The packet is about another prior, or one before was and this one does not state its prior."""
 
 
 class CameraUnknownError(PacketError):
-    """The packet's camera was sent in an earlier packet, which is missing."""
+    """The packet that states prior and camera is missing, or they are others."""
 
 
 class ResidualError(Error):
@@ -75,10 +75,6 @@ class ForeignError(ModemError):
 
 class ReplayedError(ModemError):
     """It has the right tag, and comes a second time."""
-
-
-class UpdateError(Error):
-    """An update of the prior is damaged, or does not stand on those before."""
 
 
 class StateError(Error):

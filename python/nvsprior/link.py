@@ -16,7 +16,7 @@ Picture = NDArray[np.uint8]
 
 # Seconds after its display for which a packet is kept.
 _KEPT = 1.0
-# Shares name frames modulo 128: a packet is stale before 64 frames have gone by.
+# The collector holds 64 packets: one is stale before as many frames have gone by.
 _STALE = 60.0
 
 
@@ -82,7 +82,7 @@ def link(
     ``latency``: seconds from exposure to display, ``coding`` of them for search, coding and decoding, ``propagation``
     on the way, and ``spread`` from a packet's first modem frame to its last; None: half of what is left, 0 without
     loss. ``loss``, ``burst``: the chance that a modem frame is lost, and how many are in a row. The same arguments give
-    the same result. ``nvsprior link`` also knows reports, updates and video coders.
+    the same result. ``nvsprior link`` also knows reports and video coders.
     """
     delay = coding + propagation
     if spread is None:

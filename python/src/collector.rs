@@ -17,7 +17,7 @@ use crate::keys::PyKeys;
 #[pyclass(frozen, get_all, module = "nvsprior", name = "Collected")]
 pub struct PyCollected {
     /// "complete": the packet is whole; "grown": it has more bytes than before; "kept": of use once more come;
-    /// "duplicate"; "surplus"; "damaged": the packet's checks do not match; "update": an update is whole.
+    /// "duplicate"; "surplus"; "damaged": the packet's checks do not match.
     kind: &'static str,
     /// The stream, if the kind has one.
     stream: Option<u8>,
@@ -34,7 +34,6 @@ impl From<Collected> for PyCollected {
             Collected::Duplicate => ("duplicate", None, None),
             Collected::Surplus => ("surplus", None, None),
             Collected::Damaged(stream, frame) => ("damaged", Some(stream), Some(frame)),
-            Collected::Update(stream) => ("update", Some(stream), None),
         };
         PyCollected { kind, stream, frame }
     }
@@ -82,8 +81,7 @@ impl PyCollectedPacket {
 ///
 /// `mtu`: the sender's, bytes. `shares`: of a packet that there is room for. `packets`: of a stream that are held, 1 to
 /// 64. `streams`: that are taken, 1 to 4. `age`: seconds after which a packet is stale. `modem_checks`: the modem hands
-/// over no damaged frames. `update_bytes`: room for an update of the prior; 0: none are taken. `keys`: those of both
-/// sides.
+/// over no damaged frames. `keys`: those of both sides.
 #[pyclass(frozen, module = "nvsprior", name = "Collector")]
 pub struct PyCollector {
     handle: Handle<Collector>,
@@ -94,7 +92,7 @@ pub struct PyCollector {
 impl PyCollector {
     #[new]
     #[pyo3(signature = (mtu, *, shares = 32, packets = 16, streams = 1, age = 4.0, modem_checks = false,
-        update_bytes = 0, keys = None))]
+        keys = None))]
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn new(
         mtu: usize,
@@ -103,11 +101,9 @@ impl PyCollector {
         streams: usize,
         age: f64,
         modem_checks: bool,
-        update_bytes: usize,
         keys: Option<&PyKeys>,
     ) -> PyResult<PyCollector> {
-        let options =
-            CollectorOptions { mtu, shares, packets, streams, age, modem_checks, update_bytes };
+        let options = CollectorOptions { mtu, shares, packets, streams, age, modem_checks };
         let collector = match keys {
             Some(keys) => Collector::with_keys(options, &keys.0),
             None => Collector::new(options),
@@ -142,7 +138,7 @@ impl PyCollector {
     }
 
     /// A report for the vehicle of what came, as it goes over the return channel. None: nothing has come yet. `kept`:
-    /// numbers of the frames that were decoded in full. `decoder`: tells the poses that it holds, and its updates.
+    /// numbers of the frames that were decoded in full. `decoder`: tells the poses that it holds.
     #[pyo3(signature = (kept = Vec::new(), *, decoder = None, user = None, stream = 0))]
     fn report<'py>(
         &self,
@@ -159,27 +155,10 @@ impl PyCollector {
         if let Some(decoder) = decoder {
             let topside = decoder.handle().enter()?;
             report.tell_poses(|frame| topside.decoder.holds_pose(frame));
-            if call.options().update_bytes > 0 {
-                report.tell_states(topside.decoder.states());
-            }
         }
         let mut bytes = vec![0; self.mtu];
         let written = call.write_report(&report, user, &mut bytes).map_err(Failure::from)?;
         Ok(Some(PyBytes::new(py, &bytes[..written])))
-    }
-
-    /// A whole update that was not added yet. Give it to `Decoder.add_update`, and say in `settle_update` what came of
-    /// it; ask until there is none.
-    #[pyo3(signature = (*, stream = 0))]
-    fn update<'py>(&self, py: Python<'py>, stream: u8) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        Ok(self.handle.enter()?.update(stream).map(|update| PyBytes::new(py, update)))
-    }
-
-    /// Tells whether the update that `update` gives was added.
-    #[pyo3(signature = (added, *, stream = 0))]
-    fn settle_update(&self, added: bool, stream: u8) -> PyResult<()> {
-        self.handle.enter()?.settle_update(stream, added);
-        Ok(())
     }
 
     /// With keys: the number of the next report, to go on from after a restart.
@@ -203,7 +182,6 @@ impl PyCollector {
             partial,
             lost,
             damaged,
-            updates,
             foreign,
             replayed,
         } = self.handle.enter()?.statistics();
@@ -220,7 +198,6 @@ impl PyCollector {
             ("partial", partial),
             ("lost", lost),
             ("damaged", damaged),
-            ("updates", updates),
             ("foreign", foreign),
             ("replayed", replayed),
         ] {

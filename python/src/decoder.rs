@@ -1,7 +1,6 @@
 //! The topside: packets in, pictures out.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
-use nvsprior::packet::PacketError;
 use nvsprior::{Decoded, Decoder, Picture, Trust};
 use pyo3::prelude::*;
 
@@ -33,8 +32,6 @@ pub struct PyDecoded {
     reference: Option<u32>,
     /// Later frames of the stream may be predicted from this one: tell `Encoder.acknowledge`.
     kept: bool,
-    /// Number, modulo 256, of the update that the frame is drawn with, if it is not held.
-    missing_update: Option<u8>,
     /// Whether the picture went through the display filter.
     filtered: bool,
     /// How far the picture is from what the camera saw: uint8, a level for each block of 16x16 pixels, by rows. 0: as
@@ -61,7 +58,6 @@ impl PyDecoded {
             rows: decoded.rows,
             reference: decoded.reference,
             kept: decoded.kept,
-            missing_update: decoded.missing_update,
             filtered: decoded.filtered,
             truth: levels.unbind(),
             damage: damage.map(|error| error.into_value(py).into_any()),
@@ -80,7 +76,6 @@ impl PyDecoded {
 /// Decodes packets, in any order.
 ///
 /// `pixel_limit`: most pixels of a picture; None: no limit. `display_filter`: filter pictures for the screen.
-/// `updates`: make room for updates of the prior.
 #[pyclass(frozen, module = "nvsprior", name = "Decoder")]
 pub struct PyDecoder(Handle<Content>);
 
@@ -100,26 +95,22 @@ impl PyDecoder {
 /// The picture size of a packet, if its camera is known or told.
 fn size_of(decoder: &Decoder, packet: &[u8]) -> Option<(u32, u32)> {
     let packet = decoder.parse(packet).ok()?;
-    let parts = packet.parts();
-    let told = parts.camera.as_ref().ok().copied().flatten();
-    let camera = told.or_else(|| decoder.camera_of(&parts.latent).copied())?;
-    Some((camera.width, camera.height))
+    decoder.size_told(&packet)
 }
 
 #[pymethods]
 impl PyDecoder {
     #[new]
-    #[pyo3(signature = (engine, prior, *, pixel_limit = None, display_filter = false, updates = false))]
+    #[pyo3(signature = (engine, prior, *, pixel_limit = None, display_filter = false))]
     fn new(
         py: Python,
         engine: &PyEngine,
         prior: &PyPrior,
         pixel_limit: Option<u32>,
         display_filter: bool,
-        updates: bool,
     ) -> PyResult<PyDecoder> {
         let decoder = detached(py, || {
-            let scene = engine.scene(&prior.0, updates)?;
+            let scene = engine.scene(&prior.0)?;
             let mut decoder = Decoder::new(&engine.engine, &scene);
             decoder.set_pixel_limit(pixel_limit.unwrap_or(u32::MAX));
             decoder.set_filter(display_filter)?;
@@ -190,15 +181,9 @@ impl PyDecoder {
         Ok(self.0.enter()?.detached(py, |content| Ok(content.decoder.set_filter(on)?))?)
     }
 
-    /// Takes an update of the prior. Returns the number of the newest one.
-    fn add_update(&self, py: Python, update: &[u8]) -> PyResult<u16> {
-        Ok(self.0.enter()?.detached(py, |content| Ok(content.decoder.add_update(update)?))?)
-    }
-
     /// Holds the pose of a packet that came, and draws nothing: later poses may be predicted from it.
     fn hold(&self, packet: &[u8]) -> PyResult<()> {
-        let held = self.0.enter()?.decoder.hold(packet);
-        Ok(held.map_err(|error: PacketError| Failure::from(error))?)
+        Ok(self.0.enter()?.decoder.hold(packet).map_err(Failure::from)?)
     }
 
     /// Whether the pose of a frame is held.

@@ -1,7 +1,6 @@
 //! The vehicle's side: frames in, packets out.
 
 use nvsprior::image::Mask;
-use nvsprior::learning::LearnOptions;
 use nvsprior::residual::Interest;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Encoded, Encoder, EncoderOptions, FrameStats, Picture, Rate};
@@ -102,15 +101,14 @@ impl PyEncoded {
 /// - `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from none.
 ///   `key_every`: an intra frame after so many; 0: none after the first.
 /// - `tune`: what counts most, "psnr", "ssim" or "detection".
-/// - `profile`: how poses are written, "compact" or "paper". `short_form`: packets are short if an earlier one stated
-///   prior and camera. `predict_poses`: poses are predicted from those that the topside acknowledges.
+/// - `profile`: how poses are written, "compact" or "paper". `predict_poses`: poses are predicted from those that the
+///   topside acknowledges.
 /// - `optimizer`: "gauss-newton", "bfgs", "adam" or "adam-bfgs". `threshold`: mean squared error, values in [0, 1], at
 ///   which the gradient methods no longer start from the frame before.
 /// - `camera_interval`, `check_interval`: frames after which the camera, and a check of the render, are sent again; 0:
 ///   never. `first_frame`: number of the first frame.
 /// - `truth`: packets have truth maps.
 /// - `frames_treated`: frames come treated as the prior's preprocessing says.
-/// - `learn`: the encoder makes updates of the prior; see `learn_more`.
 #[pyclass(frozen, module = "nvsprior", name = "Encoder")]
 pub struct PyEncoder(Handle<Content>);
 
@@ -126,9 +124,9 @@ impl PyEncoder {
     #[new]
     #[pyo3(signature = (engine, prior, camera, *, quality = None, psnr = None, bytes = None,
         residual = Some("wavelet"), stream = None, key_every = 16, tune = "psnr", profile = "compact",
-        optimizer = "gauss-newton", threshold = 1e-3, short_form = true, camera_interval = 64,
+        optimizer = "gauss-newton", threshold = 1e-3, camera_interval = 64,
         check_interval = 0, first_frame = 0, predict_poses = false, truth = true,
-        frames_treated = false, learn = false))]
+        frames_treated = false))]
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn new(
         py: Python,
@@ -145,14 +143,12 @@ impl PyEncoder {
         profile: &str,
         optimizer: &str,
         threshold: f64,
-        short_form: bool,
         camera_interval: u32,
         check_interval: u32,
         first_frame: u32,
         predict_poses: bool,
         truth: bool,
         frames_treated: bool,
-        learn: bool,
     ) -> PyResult<PyEncoder> {
         if !(threshold.is_finite() && threshold >= 0.0) {
             return Err(
@@ -168,7 +164,6 @@ impl PyEncoder {
             tune: options::tune(tune)?,
             mode: options::mode(stream, key_every)?,
             profile: options::profile(profile)?,
-            short: short_form,
             camera_interval,
             check_interval,
             first_frame,
@@ -179,12 +174,8 @@ impl PyEncoder {
         };
         how.refine.optimizer = options::optimizer(optimizer)?;
         let encoder = detached(py, || {
-            let scene = engine.scene(&prior.0, learn)?;
-            let mut encoder = Encoder::new(&engine.engine, &scene, &camera.0, how)?;
-            if learn {
-                encoder.learn(&LearnOptions::default())?;
-            }
-            Ok(encoder)
+            let scene = engine.scene(&prior.0)?;
+            Ok(Encoder::new(&engine.engine, &scene, &camera.0, how)?)
         })?;
         Ok(PyEncoder(Handle::new(Content {
             encoder,
@@ -282,7 +273,7 @@ impl PyEncoder {
         Ok(())
     }
 
-    /// Gives the next packet the full form and the camera: the topside asks what packets are about, or one was lost.
+    /// Has the next packet state prior and camera: the topside asks what packets are about, or one was lost.
     fn announce(&self) -> PyResult<()> {
         self.0.enter()?.encoder.announce();
         Ok(())
@@ -322,35 +313,5 @@ impl PyEncoder {
     #[getter]
     fn extra_bytes(&self) -> PyResult<usize> {
         Ok(self.0.enter()?.encoder.extra_bytes())
-    }
-
-    /// With `learn`: learns from the last frame, a slice of work. `price`: bytes of pictures that a byte of an update
-    /// costs (`Sender.update_price`).
-    #[pyo3(signature = (price = 1.0))]
-    fn learn_more(&self, py: Python, price: f64) -> PyResult<()> {
-        Ok(self.0.enter()?.detached(py, |content| Ok(content.encoder.learn_more(price)?))?)
-    }
-
-    /// The update that was proved last, once.
-    fn take_update<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        let update = self.0.enter()?.encoder.take_update();
-        Ok(update.map(|bytes| PyBytes::new(py, &bytes)))
-    }
-
-    /// Number of the update that waits to be adopted.
-    #[getter]
-    fn waiting_update(&self) -> PyResult<Option<u16>> {
-        Ok(self.0.enter()?.encoder.waiting_update())
-    }
-
-    /// Draws with the update that waits from the next frame on, if it has this number.
-    fn adopt(&self, number: u16) -> PyResult<bool> {
-        Ok(self.0.enter()?.encoder.adopt(number))
-    }
-
-    /// Drops the update that waits: it cannot be sent.
-    fn drop_update(&self) -> PyResult<()> {
-        self.0.enter()?.encoder.drop_update();
-        Ok(())
     }
 }

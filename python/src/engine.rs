@@ -25,11 +25,8 @@ pub struct PyEngine {
 }
 
 impl PyEngine {
-    /// A prior on the device: the one that is there already, or a new one. One for updates is its owner's alone.
-    pub fn scene(&self, prior: &Arc<Prior>, for_updates: bool) -> Result<Arc<Scene>, Failure> {
-        if for_updates {
-            return Ok(self.engine.upload_for_updates(prior)?);
-        }
+    /// A prior on the device: the one that is there already, or a new one.
+    pub fn scene(&self, prior: &Arc<Prior>) -> Result<Arc<Scene>, Failure> {
         // Only whole pairs are put in, so what a thread that panicked left is valid.
         let mut uploaded = self.uploaded.lock().unwrap_or_else(PoisonError::into_inner);
         uploaded.retain(|(prior, scene)| prior.strong_count() > 0 && scene.strong_count() > 0);

@@ -28,14 +28,13 @@ pub enum Kind {
     Modem,
     Foreign,
     Replayed,
-    Update,
     State,
     Busy,
     Internal,
 }
 
 impl Kind {
-    const ALL: [Kind; 22] = [
+    const ALL: [Kind; 21] = [
         Kind::Argument,
         Kind::Device,
         Kind::DeviceLost,
@@ -54,7 +53,6 @@ impl Kind {
         Kind::Modem,
         Kind::Foreign,
         Kind::Replayed,
-        Kind::Update,
         Kind::State,
         Kind::Busy,
         Kind::Internal,
@@ -123,13 +121,12 @@ impl From<ErrorKind> for Kind {
             ErrorKind::Limit => Kind::Limit,
             ErrorKind::Packet => Kind::Packet,
             ErrorKind::OtherPrior => Kind::OtherPrior,
-            ErrorKind::CameraUnknown => Kind::CameraUnknown,
+            ErrorKind::SessionUnknown => Kind::CameraUnknown,
             ErrorKind::Residual | ErrorKind::Reference | ErrorKind::Unsupported => Kind::Residual,
             ErrorKind::Newer => Kind::Newer,
             ErrorKind::Modem => Kind::Modem,
             ErrorKind::Foreign => Kind::Foreign,
             ErrorKind::Replayed => Kind::Replayed,
-            ErrorKind::Update => Kind::Update,
             ErrorKind::State | ErrorKind::Unfinished => Kind::State,
             ErrorKind::Poisoned | ErrorKind::Internal => Kind::Internal,
             // No device, or a Vulkan call.
@@ -157,7 +154,6 @@ failures!(
     nvsprior::keys::Refusal,
     nvsprior::packet::PacketError,
     nvsprior::prior::PriorError,
-    nvsprior::prior::UpdateError,
     nvsprior::residual::ResidualError,
     nvsprior::vulkan::Error
 );

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{KeyFrames, ply, replace_file, tables_file};
+use nvsprior::prior::{Extras, KeyFrames, ply, replace_file};
 use nvsprior::{Prior, RenderOverrides};
 use pyo3::prelude::*;
 
@@ -37,8 +37,7 @@ fn overrides(
 #[pymethods]
 impl PyPrior {
     /// Reads a prior from a file: .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the
-    /// format. Key frames, coder tables and filter weights in files beside it are read, too. The other arguments
-    /// replace the file's render options.
+    /// format. Beside a foreign file its PATH.nvsx is read, too. The other arguments replace the file's render options.
     #[staticmethod]
     #[pyo3(signature = (path, *, near = None, alpha_max = None, antialiased = None, background = None,
         trained_focal = None))]
@@ -112,8 +111,8 @@ impl PyPrior {
         Ok(PyPrior(Arc::new(self.0.as_ref().clone().with_key_frames(key_frames))))
     }
 
-    /// Writes it to a file: .nvsg (compact, quantised: another identity) or .ply, by the name's ending. Coder tables go
-    /// into a .nvsg, or beside a .ply.
+    /// Writes it to a file, by the name's ending: .nvsg (compact, quantised: another identity) with all that it holds,
+    /// or .ply, which holds no coder tables, no weights of the display filter and no doubt.
     fn save(&self, py: Python, path: PathBuf) -> PyResult<()> {
         detached(py, || save(&self.0, &path))?;
         Ok(())
@@ -125,26 +124,19 @@ impl PyPrior {
 }
 
 fn save(prior: &Prior, path: &Path) -> Result<(), Failure> {
-    let (splats, options) = (prior.splats(), prior.options());
-    let (key_frames, preprocessing) = (prior.key_frames(), prior.preprocessing());
-    let tables = prior.coder_tables().map(AsRef::as_ref);
+    let (splats, besides) = (prior.splats(), prior.besides());
     let mut bytes = Vec::new();
     match path.extension().and_then(|ending| ending.to_str()) {
         Some("nvsg") => {
             let quantisation = Quantisation::default().scaled(FINENESS);
-            compact::write(splats, options, key_frames, &quantisation, &mut bytes)?;
-            if tables.is_some() {
-                bytes = compact::with_coder_tables(&bytes, tables)?;
-            }
-            if !preprocessing.is_none() {
-                bytes = compact::with_preprocessing(&bytes, preprocessing)?;
-            }
+            compact::write(splats, &besides, &quantisation, &mut bytes)?;
+        }
+        Some("ply") if besides.coder_tables.is_some() => {
+            return Err(Failure::argument("path: a .ply holds no coder tables; save a .nvsg"));
         }
         Some("ply") => {
-            ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)?;
-            if let Some(tables) = tables {
-                tables_file::save(tables, &tables_file::path_beside(path))?;
-            }
+            let Extras { key_frames, preprocessing, .. } = besides.extras;
+            ply::write_ply(splats, besides.options, key_frames, preprocessing, &mut bytes)?;
         }
         _ => {
             let path = path.display();

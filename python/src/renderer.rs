@@ -36,7 +36,7 @@ impl PyRenderer {
         camera: &PyCamera,
     ) -> PyResult<PyRenderer> {
         let renderer = detached(py, || {
-            let scene = engine.scene(&prior.0, false)?;
+            let scene = engine.scene(&prior.0)?;
             Ok(engine.engine.renderer(&scene, &camera.0, Plan::picture())?)
         })?;
         let picture = Picture::new(camera.0.width, camera.0.height);

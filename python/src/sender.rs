@@ -2,7 +2,7 @@
 
 use nvsprior::modem::{
     Division, Loss, PacketState, Protection, RateControlOptions, Sender, SenderOptions,
-    SenderStatistics, UpdateOptions,
+    SenderStatistics,
 };
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -63,7 +63,6 @@ pub struct PyProcessedReport {
 /// - `protection`: "layers" (the default), or None. `stream`: 0 to 3; without protection 0.
 /// - `user`: bytes that travel with each packet; None: there are none.
 /// - `expect_reports`: the topside sends reports.
-/// - `updates`: part of the bit rate for updates of the prior; None: there are none.
 /// - `keys`: those of both sides.
 #[pyclass(frozen, module = "nvsprior", name = "Sender")]
 pub struct PySender(Handle<Sender>);
@@ -73,7 +72,7 @@ impl PySender {
     #[new]
     #[pyo3(signature = (*, bit_rate, mtu, latency, frame_rate, delay = 0.0, spread = 0.0, overhead = 0,
         min_bytes = 40, max_shares = 16, loss = 0.0, burst = 1.0, user = None, stream = 0,
-        protection = Some("layers"), expect_reports = false, updates = None, keys = None))]
+        protection = Some("layers"), expect_reports = false, keys = None))]
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn new(
         bit_rate: f64,
@@ -91,7 +90,6 @@ impl PySender {
         stream: u8,
         protection: Option<&str>,
         expect_reports: bool,
-        updates: Option<f64>,
         keys: Option<&PyKeys>,
     ) -> PyResult<PySender> {
         let protection = match protection {
@@ -102,11 +100,6 @@ impl PySender {
                 return Err(Failure::argument(text).into());
             }
         };
-        let updates = updates.map(|share| {
-            let usual = UpdateOptions::default();
-            UpdateOptions { share, repeat: usual.repeat.min(share), ..usual }
-        });
-        updates.map_or(Ok(()), |updates| updates.check()).map_err(Failure::from)?;
         let loss = Loss { chance: loss, burst };
         loss.check().map_err(Failure::from)?;
         let control = RateControlOptions {
@@ -122,7 +115,7 @@ impl PySender {
             loss,
             user,
         };
-        let options = SenderOptions { control, stream, protection, expect_reports, updates };
+        let options = SenderOptions { control, stream, protection, expect_reports };
         let sender = match keys {
             Some(keys) => Sender::with_keys(options, &keys.0),
             None => Sender::new(options),
@@ -175,23 +168,6 @@ impl PySender {
         })
     }
 
-    /// Takes the next update of the prior, as `Encoder.take_update` gives it.
-    fn push_update(&self, now: f64, update: &[u8]) -> PyResult<()> {
-        Ok(self.0.enter()?.push_update(now, update).map_err(Failure::from)?)
-    }
-
-    /// Number of the newest update that frames may be drawn with: for `Encoder.adopt`.
-    #[getter]
-    fn held_update(&self) -> PyResult<Option<u16>> {
-        Ok(self.0.enter()?.held_update())
-    }
-
-    /// Bytes of pictures that a byte of an update costs: for `Encoder.learn_more`.
-    #[getter]
-    fn update_price(&self) -> PyResult<Option<f64>> {
-        Ok(self.0.enter()?.update_price())
-    }
-
     /// The link carries another bit rate from `now` on.
     fn set_bit_rate(&self, now: f64, bit_rate: f64) -> PyResult<()> {
         Ok(self.0.enter()?.set_bit_rate(now, bit_rate).map_err(Failure::from)?)
@@ -218,19 +194,8 @@ impl PySender {
     /// Counts since the start, by name.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let SenderStatistics {
-            left_out,
-            packets,
-            cut,
-            shares,
-            bytes,
-            resent,
-            updates,
-            pieces,
-            piece_bytes,
-            foreign,
-            replayed,
-        } = self.0.enter()?.statistics();
+        let SenderStatistics { left_out, packets, cut, shares, bytes, resent, foreign, replayed } =
+            self.0.enter()?.statistics();
         let counts = PyDict::new(py);
         for (name, count) in [
             ("left_out", left_out),
@@ -239,9 +204,6 @@ impl PySender {
             ("shares", shares),
             ("bytes", bytes),
             ("resent", resent),
-            ("updates", updates),
-            ("pieces", pieces),
-            ("piece_bytes", piece_bytes),
             ("foreign", foreign),
             ("replayed", replayed),
         ] {

@@ -112,14 +112,21 @@ def test_errors_have_the_librarys_texts(engine, prior, camera, frames, root, tmp
     with pytest.raises(nvsprior.DeviceError, match="no such device"):
         nvsprior.Engine("no such device")
     decoder = nvsprior.Decoder(engine, prior, pixel_limit=100)
-    with pytest.raises(nvsprior.PacketError, match="not a packet: first byte 0x61"):
+    with pytest.raises(nvsprior.PacketError, match="latent part: damaged, its check does not match"):
         decoder.decode(b"a" * 40)
-    encoded = nvsprior.Encoder(engine, prior, camera).encode(frames[0], prior.key_frames[10])
+    encoder = nvsprior.Encoder(engine, prior, camera)
+    encoded = encoder.encode(frames[0], prior.key_frames[10])
+    later = encoder.encode(frames[1])
     with pytest.raises(nvsprior.LimitError, match="at most 100 pixels"):
         decoder.decode(encoded.packet)
     other = nvsprior.Prior.open(root / "tests/vectors/prior.ply")
+    decoder = nvsprior.Decoder(engine, other)
+    with pytest.raises(nvsprior.CameraUnknownError, match="the packet that states them is missing"):
+        decoder.decode(later.packet)
     with pytest.raises(nvsprior.OtherPriorError, match=prior.id):
-        nvsprior.Decoder(engine, other).decode(encoded.packet)
+        decoder.decode(encoded.packet)
+    with pytest.raises(nvsprior.OtherPriorError, match="wait for one that states this prior"):
+        decoder.decode(later.packet)
     damaged = bytearray(encoded.packet)
     damaged[-1] ^= 1
     decoded = nvsprior.Decoder(engine, prior).decode(bytes(damaged))

@@ -45,7 +45,7 @@ def test_rates_are_kept(engine, prior, camera, poses, frames):
     fine = encoder.encode(frames[1])
     assert fine.rate_kept and fine.psnr >= 30
     encoder.set_rate()
-    assert len(encoder.encode(frames[2]).packet) == 19, "the pose alone"
+    assert len(encoder.encode(frames[2]).packet) == 20, "the pose alone"
     with pytest.raises(nvsprior.BudgetError, match="a budget of 10 bytes"):
         nvsprior.Encoder(engine, prior, camera, bytes=10).encode(frames[0], poses[0])
 
@@ -102,16 +102,6 @@ def test_streams_take_fewer_bytes(engine, prior, camera, poses, frames):
     assert isinstance(lost.damage, nvsprior.ResidualError) and not lost.kept
 
 
-def test_learning_goes_on_beside(engine, prior, camera, poses, frames):
-    """Packets stay as they are until an update is adopted."""
-    plain, learning = (nvsprior.Encoder(engine, prior, camera, learn=learn) for learn in (False, True))
-    for number, frame in enumerate(frames[:3]):
-        hint = poses[0] if number == 0 else None
-        assert learning.encode(frame, hint).packet == plain.encode(frame, hint).packet
-        learning.learn_more(1.5)
-    assert learning.waiting_update is None and learning.take_update() is None and not learning.adopt(1)
-
-
 def test_masks_and_regions(engine, prior, camera, poses, frames):
     mask = np.ones(frames[0].shape[:2], bool)
     mask[:, :80] = False
@@ -148,7 +138,7 @@ def told(decoded: nvsprior.Decoded) -> dict:
     value = {"frame": decoded.frame, "md5": md5(decoded.picture.tobytes())}
     value |= {"uncertain": not decoded.certain, "kept": decoded.kept, "portable": decoded.portable}
     value |= {"damaged": decoded.damage is not None}
-    for name in ("same_render", "reference", "missing_update"):
+    for name in ("same_render", "reference"):
         value[name] = getattr(decoded, name)
     return value
 
@@ -157,7 +147,7 @@ def expected_of(record: dict) -> dict:
     value = {"frame": record["frame"], "md5": record["md5"], "damaged": "damage" in record}
     value |= {"uncertain": record.get("uncertain", False), "kept": record.get("kept", False)}
     value["portable"] = record.get("portable", True)
-    for name in ("same_render", "reference", "missing_update"):
+    for name in ("same_render", "reference"):
         value[name] = record.get(name)
     return value
 
@@ -167,7 +157,7 @@ def test_pictures_are_those_of_the_format(engine, vector):
     """As docs/format.md says: sizes in front of the records, check sums of the pictures."""
     content = (VECTORS / vector["input_file"]).read_bytes()
     prior = nvsprior.Prior.open(VECTORS / vector["prior"])
-    decoder = nvsprior.Decoder(engine, prior, updates=True)
+    decoder = nvsprior.Decoder(engine, prior)
     for numbers in vector.get("cameras", []):
         decoder.add_camera(nvsprior.Camera(*numbers))
     start = vector["kind"] == "starts"
@@ -180,9 +170,7 @@ def test_pictures_are_those_of_the_format(engine, vector):
     for record, expected in zip(records, vector["records"]):
         if "refused" in expected:
             with pytest.raises(nvsprior.Error):
-                decoder.add_update(record) if record[:4] == b"nvsu" else decoder.decode(record, start=start)
-        elif "update" in expected:
-            assert decoder.add_update(record) == expected["update"]
+                decoder.decode(record, start=start)
         else:
             assert told(decoder.decode(record, start=start)) == expected_of(expected)
 

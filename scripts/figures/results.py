@@ -1,12 +1,13 @@
 """What was measured: docs/results/NAME.json, one file for each measurement.
 
 A file has `name`, `commands` (a shell runs them from the root of the tree; OUT stands for a folder, REEF for the folder
-of the reef footage), `commit`, `date`, `device` (as `nvsprior devices` names it), `machine`, `priors` (SHA-256 of each
-prior's file) and `values`.
+of the reef footage), `commit`, `date`, `device` (as `nvsprior devices` names it), `machine`, `priors` (a hash of
+what each prior draws: of a .nvsg the parts that its identity covers, of a foreign file its bytes) and `values`.
 """
 import hashlib
 import json
 import pathlib
+import struct
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "results"
@@ -27,8 +28,21 @@ def find(prior):
     return next((path for path in PRIORS[prior] if path.exists()), None)
 
 
+def drawn(data):
+    """What of a prior's file is drawn: docs/format/prior.md."""
+    if data[:4] != b"nvsg":
+        return data
+    covered, at = [], 28
+    while at < len(data):
+        name, flags, length = struct.unpack_from("<8sBQ", data, at)
+        if flags & 1:
+            covered.append(name + data[at + 21:at + 21 + length])
+        at += 21 + length
+    return b"".join(sorted(covered))
+
+
 def check_of(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(drawn(path.read_bytes())).hexdigest()
 
 
 def read(name):

@@ -35,29 +35,25 @@ pub struct nvsp_collector_options {
     pub struct_size: u32,
     pub abi_version: u32,
     /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
-    /// 128: give less time than 64 frames of the camera take. A share that comes later than that looks like one of the
-    /// future. 0: 4.
+    /// 256: give less time than 128 frames of the camera take. A share that comes later than that looks like one of the
+    /// future. Below an MTU of 16 they count packets modulo 8: less time than 4 packets take. 0: 4.
     pub age: f64,
-    /// Shares of a packet that there is room for, up to 4096: nvsp_sender_options.shares. An unprotected packet of n
-    /// bytes takes 1, and one more for each MTU - 4 bytes beyond the MTU; of a longer one the start is kept. 0: 32.
+    /// Shares of a packet that there is room for, up to 2048: nvsp_sender_options.shares. An unprotected packet of n
+    /// bytes takes 1, and one more for each MTU - 4 bytes beyond MTU - 1; below an MTU of 16 one for each MTU - 1
+    /// bytes. Of a longer one the start is kept. 0: 32.
     pub shares: u32,
     /// Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
-    /// rounded up to a power of two. 0: 16.
+    /// rounded up to a power of two; below an MTU of 16 up to 4. 0: 16.
     pub packets: u32,
     /// Streams that are taken, 0 to this less one; up to 4. 0: 1.
     pub streams: u32,
     /// NVSP_COLLECTOR_* flags.
     pub flags: u32,
-    /// Bytes of an update of the prior that there is room for, in each stream; some 4,000 suffice. 0: no updates are
-    /// taken, and reports tell nothing of them.
-    pub update_bytes: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Only modem frames that a sender has made with one of these keys are taken, and none a second time. Reports get a
     /// tag by the first. Read during the call. NULL: none, and whatever comes is taken.
     pub keys: In<nvsp_keys>,
 }
-versioned!(nvsp_collector_options, 32, 48);
+versioned!(nvsp_collector_options, 40);
 
 /// The packet is complete.
 pub const NVSP_EVENT_COMPLETE: u32 = 1;
@@ -72,8 +68,6 @@ pub const NVSP_EVENT_DUPLICATE: u32 = 4;
 pub const NVSP_EVENT_DAMAGED: u32 = 5;
 /// The share's packet was complete before.
 pub const NVSP_EVENT_SURPLUS: u32 = 6;
-/// An update of the prior is whole: nvsp_collector_fetch_update.
-pub const NVSP_EVENT_UPDATE: u32 = 7;
 
 /// What has come of a packet.
 #[repr(C)]
@@ -82,12 +76,11 @@ pub struct nvsp_collected {
     pub struct_size: u32,
     pub abi_version: u32,
     /// NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. With
-    /// NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set, with NVSP_EVENT_UPDATE `stream` alone. Else
-    /// they are zero.
+    /// NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set. Else they are zero.
     pub event: u32,
     /// Stream of the packet.
     pub stream: u32,
-    /// Frame number of the packet, modulo 2^24.
+    /// Frame number of the packet, completed from that of the packet before.
     pub frame: u32,
     /// Bytes of its start that are there. Checks vouch for them.
     pub bytes: u32,
@@ -110,9 +103,6 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
     if given.flags & !NVSP_COLLECTOR_MODEM_CHECKS != 0 {
         return Err(Failure::argument("nvsp_collector_options.flags: unknown"));
     }
-    if given.reserved != 0 {
-        return Err(Failure::argument("nvsp_collector_options.reserved: not 0"));
-    }
     let defaults = CollectorOptions::new(mtu as usize);
     let or = |value: u32, default: usize| if value == 0 { default } else { value as usize };
     Ok(CollectorOptions {
@@ -122,7 +112,6 @@ fn options_of(mtu: u32, given: &nvsp_collector_options) -> Result<CollectorOptio
         streams: or(given.streams, defaults.streams),
         age: if given.age == 0.0 { defaults.age } else { given.age },
         modem_checks: given.flags & NVSP_COLLECTOR_MODEM_CHECKS != 0,
-        update_bytes: given.update_bytes as usize,
     })
 }
 
@@ -135,10 +124,10 @@ fn memory_of(options: &CollectorOptions, keys: Option<&Keys>) -> Result<u64, Fai
 
 /// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_ARGUMENT.
+/// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MODEM (an MTU without room for keys).
 ///
 /// # Parameters
-/// - `mtu`: most bytes of a modem frame, 1 to 65535.
+/// - `mtu`: most bytes of a modem frame, 1 to 65535; with keys from 8 more than they take.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 /// - `bytes`: receives the bytes. Not NULL.
 #[unsafe(no_mangle)]
@@ -157,11 +146,11 @@ pub extern "C" fn nvsp_collector_memory(
 
 /// Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
 ///
-/// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MODEM (an MTU without room for keys) or NVSP_ERR_MEMORY.
 ///
 /// # Parameters
-/// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; unprotected packets need 31. What lies beyond it
-///   is padding.
+/// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
+///   as many more as these take. What lies beyond it is padding.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
 /// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
@@ -221,9 +210,6 @@ pub unsafe extern "C" fn nvsp_collector_push(
                 ..state_of(stream, content.packet(stream, frame))
             },
             Collected::Kept => of(NVSP_EVENT_KEPT),
-            Collected::Update(stream) => {
-                nvsp_collected { stream: stream.into(), ..of(NVSP_EVENT_UPDATE) }
-            }
             Collected::Duplicate => of(NVSP_EVENT_DUPLICATE),
             Collected::Surplus => of(NVSP_EVENT_SURPLUS),
             Collected::Damaged(..) => of(NVSP_EVENT_DAMAGED),
@@ -242,7 +228,7 @@ pub unsafe extern "C" fn nvsp_collector_push(
 ///
 /// # Safety
 /// - `stream`: the packet's stream.
-/// - `frame`: its frame number, modulo 2^24. Of a short packet only the low 16 bits count.
+/// - `frame`: its frame number, as nvsp_collected.frame has it.
 /// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
 /// - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
 /// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
@@ -321,7 +307,7 @@ pub extern "C" fn nvsp_collector_newest(
 }
 
 /// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
-/// yields a picture, its frame number counts modulo 128. Allocates nothing.
+/// yields a picture, its frame number counts modulo 256. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
 /// each eight.
@@ -363,7 +349,7 @@ pub unsafe extern "C" fn nvsp_collector_arrived(
 
 /// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 /// of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
-/// number counts modulo 128. Allocates nothing.
+/// number counts modulo 256. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the stream).
 ///

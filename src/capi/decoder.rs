@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-use crate::packet::{LONGEST_LATENT, Latent, PacketError, Parsed, PoseProfile, Session};
+use crate::packet::{LONGEST_HEAD, PacketError, Parsed, PoseProfile};
 use crate::prior::CoordinateFrame;
 use crate::queue::{Lost, Queue};
 use crate::truth::TruthMap;
@@ -80,16 +80,6 @@ impl Decoding {
         locked(&self.core)
     }
 
-    /// Changes what the next packets are decoded by.
-    pub(super) fn change<T>(
-        &self,
-        change: impl FnOnce(&mut Decoder, &Limits) -> Result<T, Failure>,
-    ) -> Result<T, Failure> {
-        let mut core = self.core()?;
-        let Core { decoder, limits, .. } = &mut *core;
-        change(decoder, limits)
-    }
-
     /// Gives `fetch` what is known of the picture that was decoded or drawn last.
     pub(super) fn with_truth<T>(
         &self,
@@ -113,9 +103,8 @@ impl Decoding {
 }
 
 /// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
-/// difference picture is cut short, the decoder shows the part that arrived: the upper rows with WebP, a coarser
-/// picture with the wavelet coder. Without this flag it shows a difference picture only if it is whole and its check
-/// matches.
+/// difference picture is cut short, the decoder shows what arrived, a coarser picture. Without this flag it shows a
+/// difference picture only if it is whole and its check matches.
 pub const NVSP_DECODE_START: u32 = 1;
 
 /// The render is the vehicle's, byte for byte. If neither this bit nor NVSP_DECODED_OTHER_RENDER is set, the packet
@@ -129,12 +118,8 @@ pub const NVSP_DECODED_INTER: u32 = 16;
 /// The frame is one of a stream and came in full: later ones may be predicted from it. If there is a return channel,
 /// tell the vehicle: nvsp_encoder_acknowledge.
 pub const NVSP_DECODED_KEPT: u32 = 32;
-/// The frame is drawn with an update of the prior that has not come. The picture is the render without it, and does not
-/// show what the vehicle saw.
-pub const NVSP_DECODED_UPDATE_MISSING: u32 = 64;
-
 /// The picture went through the display filter: see nvsp_decoder_set_filter.
-pub const NVSP_DECODED_FILTERED: u32 = 128;
+pub const NVSP_DECODED_FILTERED: u32 = 64;
 
 /// What decoding a packet yielded besides the picture.
 #[repr(C)]
@@ -142,7 +127,7 @@ pub const NVSP_DECODED_FILTERED: u32 = 128;
 pub struct nvsp_decoded {
     pub struct_size: u32,
     pub abi_version: u32,
-    /// Number of the frame, modulo 2^24.
+    /// Number of the frame, completed from that of the packet before.
     pub frame: u32,
     /// Pixels.
     pub width: u32,
@@ -150,27 +135,23 @@ pub struct nvsp_decoded {
     pub height: u32,
     /// Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_*.
     pub flags: u32,
-    /// Rows, from the top, that the difference picture reached; the others are the prior's render
-    /// alone. The start of a wavelet payload reaches all rows.
+    /// Rows that the difference picture reached: all, or 0 if the picture is the prior's render alone.
     pub rows: u32,
     /// NVSP_OK, or what was wrong with a part of the packet that the picture does without:
-    /// NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_UNSUPPORTED (this library was built without its coder),
-    /// NVSP_ERR_REFERENCE (its reference frame is missing), NVSP_ERR_UPDATE (an update is missing) or NVSP_ERR_PACKET
-    /// (the camera).
+    /// NVSP_ERR_RESIDUAL (the difference picture), NVSP_ERR_NEWER (its coder is not known), NVSP_ERR_REFERENCE (its
+    /// reference frame is missing) or NVSP_ERR_PACKET (prior and camera).
     pub damage: nvsp_status,
     /// The pose.
     pub pose: nvsp_pose,
-    /// With NVSP_DECODED_INTER: number of the reference frame, modulo 2^24; else 0.
+    /// With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
     pub reference: u32,
-    /// With NVSP_DECODED_UPDATE_MISSING: number of the update, modulo 256; else 0.
-    pub missing_update: u32,
 }
 versioned!(nvsp_decoded, 104);
 
 /// `pose` is given.
 pub const NVSP_HEADER_POSE: u32 = 4;
-/// The packet has the short form: prior, camera and size are those of an earlier packet in the full form.
-pub const NVSP_HEADER_SHORT: u32 = 8;
+/// The packet states prior and camera; else they are those of an earlier packet.
+pub const NVSP_HEADER_SESSION: u32 = 8;
 
 /// What a packet says first, without rendering.
 #[repr(C)]
@@ -178,30 +159,26 @@ pub const NVSP_HEADER_SHORT: u32 = 8;
 pub struct nvsp_header {
     pub struct_size: u32,
     pub abi_version: u32,
-    /// Identity of the prior that the packet is about, see nvsp_prior_info; 0 in the short form.
+    /// Identity of the prior that the packet is about, see nvsp_prior_info, if NVSP_HEADER_SESSION is set; else 0.
     pub prior_id: u32,
-    /// Number of the frame, modulo 2^24; in the short form modulo 2^16.
+    /// Number of the frame, modulo 2^16.
     pub frame: u32,
-    /// Pixels; 0 in the short form, as earlier packets stated the size.
+    /// Pixels, if NVSP_HEADER_SESSION is set; else 0.
     pub width: u32,
-    /// Pixels; 0 in the short form.
+    /// As the width.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SHORT bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SESSION bits.
     pub flags: u32,
-    /// NVSP_PROFILE_*.
-    pub profile: u32,
     /// Bytes of the latent part, which makes a picture by itself.
     pub latent_bytes: u32,
-    /// In the short form: the tag, one byte, that names prior and camera. In the full form: 0.
-    pub session: u32,
-    /// Version of the wire format, as the packet has it. NVSP_ERR_NEWER writes it too, with all else zero.
-    pub wire_version: u32,
+    /// The tag, of 16 bits, that names prior and camera.
+    pub tag: u32,
     /// Zero.
     pub reserved: u32,
-    /// The pose, if NVSP_HEADER_POSE is set. The compact profile states it relative to the prior.
+    /// The pose, if NVSP_HEADER_POSE is set.
     pub pose: nvsp_pose,
 }
-versioned!(nvsp_header, 112);
+versioned!(nvsp_header, 104);
 
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
@@ -248,8 +225,8 @@ pub extern "C" fn nvsp_decoder_add_camera(
 }
 
 /// Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
-/// the camera saw, if the network knows the scene. Its weights are those beside the prior's file (PRIOR.filter, which
-/// `nvsprior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
+/// the camera saw, if the network knows the scene. Its weights are the prior's (which `nvsprior
+/// filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
 /// predicted from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference
 /// picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 ///
@@ -442,16 +419,17 @@ pub extern "C" fn nvsp_decoder_destroy(decoder: Option<Box<nvsp_decoder>>) {
     nvsp_decoder::destroy(decoder)
 }
 
-/// Reads a packet's header without a device. Needs the first 31 bytes of the packet (19 in the short form, 43 in the
-/// paper's profile). Gives the pose of a compact packet only if the packet is about `prior`. A short packet does not
-/// name its prior: it counts as about `prior`. Allocates nothing; any thread may call it.
+/// Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
+/// prior and camera (36 in the paper's profile). Gives the pose only if the packet is about `prior`. A packet that does
+/// not state its prior counts as about `prior`. Allocates nothing; any thread may call it.
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, or NVSP_ERR_NEWER, which writes the header's wire_version.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
+/// NVSP_ERR_NEWER.
 ///
 /// # Safety
 /// - `packet`: the packet, or its start. Read during the call. Not NULL.
-/// - `size`: bytes of it that are there, 31 or more (19 in the short form, 43 in the paper's profile).
-/// - `prior`: a live prior. NULL: the pose of a compact packet is not wanted.
+/// - `size`: bytes of it that are there, 64 or more if it has as many.
+/// - `prior`: a live prior. NULL: the pose is not wanted.
 /// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_header(
@@ -463,14 +441,11 @@ pub unsafe extern "C" fn nvsp_decode_header(
     fence(|| {
         let out = header.required()?;
         // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
-        let latent = match Latent::decode(unsafe { slice(packet, size, "packet")? }) {
-            Err(PacketError::Version(version)) => {
-                out.write(&nvsp_header { wire_version: version.into(), ..zeroed() });
-                return Ok(NVSP_ERR_NEWER);
-            }
-            latent => latent.map_err(|error| Failure::Library(error.into()))?,
+        let parsed = match Parsed::of(unsafe { slice(packet, size, "packet")? }) {
+            Err(PacketError::Version) => return Ok(NVSP_ERR_NEWER),
+            parsed => parsed.map_err(|error| Failure::Library(error.into()))?,
         };
-        out.write(&header_of(&latent, prior.map(Handle::get)));
+        out.write(&header_of(&parsed, prior.map(Handle::get)));
         Ok(NVSP_OK)
     })
 }
@@ -478,35 +453,29 @@ pub unsafe extern "C" fn nvsp_decode_header(
 /// What poses of the paper's profile are relative to: they are absolute.
 const ANY_FRAME: CoordinateFrame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
 
-fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
-    let frame = prior.map(|p| p.scene).filter(|scene| latent.check_prior(scene.id()).is_ok());
-    let profile = latent.pose.profile();
-    let pose = match (profile, frame) {
+fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
+    let latent = parsed.latent();
+    let session = parsed.session().as_ref().ok().copied().flatten();
+    let is_own = |id| session.is_none_or(|session| session.prior == id);
+    let scene = prior.map(|prior| prior.scene).filter(|scene| is_own(scene.id()));
+    let pose = match (latent.pose.profile(), scene) {
         (_, Some(scene)) => Some(latent.pose.dequantise(&scene.coordinate_frame())),
         (PoseProfile::Paper, None) => Some(latent.pose.dequantise(&ANY_FRAME)),
-        (PoseProfile::Compact | PoseProfile::Short, None) => None,
+        _ => None,
     };
-    let (prior_id, width, height, session) = match latent.session {
-        Session::Stated { prior, width, height, .. } => (prior.0, width, height, 0),
-        Session::Tagged(tag) => (0, 0, 0, tag.into()),
-    };
+    let size = session.map_or((0, 0), |session| (session.camera.width, session.camera.height));
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     nvsp_header {
-        prior_id,
+        prior_id: session.map_or(0, |session| session.prior.0),
         frame: latent.frame,
-        width,
-        height,
+        width: size.0,
+        height: size.1,
         flags: flag(latent.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
             | flag(!latent.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)
             | flag(pose.is_some(), NVSP_HEADER_POSE)
-            | flag(latent.is_short(), NVSP_HEADER_SHORT),
-        profile: match profile {
-            PoseProfile::Compact | PoseProfile::Short => super::encoder::NVSP_PROFILE_COMPACT,
-            PoseProfile::Paper => super::encoder::NVSP_PROFILE_PAPER,
-        },
-        latent_bytes: latent.encoded_len() as u32,
-        session,
-        wire_version: latent.version().into(),
+            | flag(session.is_some(), NVSP_HEADER_SESSION),
+        latent_bytes: parsed.latent_len() as u32,
+        tag: latent.tag.into(),
         pose: pose.map_or(image::NO_POSE, |pose| image::pose_out(&pose)),
         ..zeroed()
     }
@@ -516,7 +485,10 @@ fn header_of(latent: &Latent, prior: Option<PriorContent>) -> nvsp_header {
 fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
     let Core { decoder, limits, truth, .. } = core;
     let PacketWork { bytes, parsed, trust, decoded } = work;
-    let parsed = parsed.as_ref().map_err(|error| Error::from(error.clone()))?;
+    let parsed = parsed.as_ref().map_err(|error| {
+        decoder.refuse(bytes, error);
+        Error::from(error.clone())
+    })?;
     let size = decoder.size_to_prepare(parsed);
     let _memory = size.map(|size| limits.decoder(size)).transpose()?;
     let size = decoder.stream_to_prepare(parsed);
@@ -535,13 +507,9 @@ fn fill(core: &Core, work: &mut PacketWork, packet: &[u8], flags: u32) -> Result
     };
     // No packet of its size is longer than this; what follows it is padding.
     work.parsed = core.decoder.parse(packet);
-    let latent = work.parsed.as_ref().ok().map(|parsed| &parsed.parts().latent);
-    let size = latent.and_then(|latent| match latent.session {
-        Session::Stated { width, height, .. } => Some((width, height)),
-        Session::Tagged(_) => core.decoder.camera_of(latent).map(|c| (c.width, c.height)),
-    });
+    let size = work.parsed.as_ref().ok().and_then(|parsed| core.decoder.size_told(parsed));
     let longest = size.map_or(0, |(width, height)| packet_bound(width, height));
-    let longest = longest.max(LONGEST_LATENT);
+    let longest = longest.max(LONGEST_HEAD);
     work.bytes.clear();
     let refused = |_| Failure::at(NVSP_ERR_MEMORY, "a copy of the packet");
     work.bytes.try_reserve(longest).map_err(refused)?;
@@ -571,14 +539,12 @@ fn fetch(
             | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
             | if decoded.reference.is_some() { NVSP_DECODED_INTER } else { 0 }
             | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
-            | if decoded.missing_update.is_some() { NVSP_DECODED_UPDATE_MISSING } else { 0 }
             | if decoded.filtered { NVSP_DECODED_FILTERED } else { 0 }
             | render,
         rows: decoded.rows,
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
         reference: decoded.reference.unwrap_or(0),
-        missing_update: decoded.missing_update.unwrap_or(0).into(),
         ..zeroed()
     });
     Ok(())

@@ -13,7 +13,6 @@ use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::Handle;
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
-use super::learning;
 use super::limits::Limits;
 use super::prior::nvsp_prior;
 use super::slices::Room;
@@ -44,11 +43,6 @@ pub const NVSP_OPTIMIZER_ADAM_BFGS: u32 = 3;
 pub const NVSP_PROFILE_COMPACT: u32 = 0;
 /// The pose in 28 bytes, as in the paper.
 pub const NVSP_PROFILE_PAPER: u32 = 1;
-
-/// A packet has the short form, a latent part of 19 bytes, if an earlier packet stated its prior and camera.
-pub const NVSP_FORM_SHORT: u32 = 0;
-/// Every packet names prior and camera in full: a latent part of 31 bytes.
-pub const NVSP_FORM_FULL: u32 = 1;
 
 /// The wavelet coder codes the difference picture. It knows the prior's render.
 pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
@@ -82,7 +76,7 @@ pub const NVSP_STRUCTURE_ACKNOWLEDGED: u32 = 3;
 /// For nvsp_encoder_options.key_every: no key frames after the first.
 pub const NVSP_KEY_ONCE: u32 = u32::MAX;
 
-/// For nvsp_encoder_options.camera_interval: the camera is sent with the first frame only.
+/// For nvsp_encoder_options.camera_interval: prior and camera are stated with the first frame only.
 pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
 
 /// How to encode; all zero: the defaults.
@@ -107,9 +101,9 @@ pub struct nvsp_encoder_options {
     pub threshold: f32,
     /// Levels of the image pyramid, 1 to 6; 0: 4.
     pub levels: u32,
-    /// Send the camera (18 bytes) again after this many frames, for a topside that missed it; 0: 64.
+    /// State prior and camera (29 bytes) again after this many frames, for a topside that missed them; 0: 64.
     pub camera_interval: u32,
-    /// Number of the first frame; packets carry it modulo 2^24.
+    /// Number of the first frame; packets carry it modulo 2^16.
     pub first_frame: u32,
     /// Send a check of the prior's render (6 bytes) with the first frame, and again after this many
     /// frames. It tells the topside whether its render is the same. 0: never.
@@ -117,8 +111,6 @@ pub struct nvsp_encoder_options {
     /// Renders of the prior, of any size, that one frame may take to search afresh for its pose. A search that has
     /// begun is finished, even if it takes more. If the frame finds no pose, the next frame searches again. 0: 96.
     pub lost_renders: u32,
-    /// NVSP_FORM_*.
-    pub form: u32,
     /// NVSP_RESIDUAL_*: the coder of the difference picture.
     pub residual: u32,
     /// Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
@@ -137,11 +129,6 @@ pub struct nvsp_encoder_options {
     /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
     /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
     pub key_every: u32,
-    /// Steps of training per frame by which the encoder learns what frames show and the prior does not: see
-    /// nvsp_encoder_learn. A step takes about as long as a render of the prior; 60 suit 3 to 15 frames per
-    /// second. Takes a prior that was opened with NVSP_PRIOR_UPDATES, and 640 bytes of host memory per pixel. A library
-    /// without the feature "training" fails with NVSP_ERR_UNSUPPORTED. 0: it does not learn.
-    pub learn: u32,
     /// Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
     /// map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
     /// NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
@@ -150,7 +137,7 @@ pub struct nvsp_encoder_options {
     /// topside needs not know. NVSP_RESIDUAL_WEBP does not look at it.
     pub tune: u32,
 }
-versioned!(nvsp_encoder_options, 80, 88);
+versioned!(nvsp_encoder_options, 80);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -240,7 +227,7 @@ pub struct nvsp_frame_stats {
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_frame_stats, 192, 200);
+versioned!(nvsp_frame_stats, 200);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
@@ -267,17 +254,14 @@ pub extern "C" fn nvsp_encoder_create(
         let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
         let camera = image::camera(camera)?;
         let options = options.read()?;
-        let (pipelined, learn) = (options.pipelined != 0, options.learn);
+        let pipelined = options.pipelined != 0;
         let options = encoder_options(&options)?;
         let stream = options.mode != Mode::Intra;
         let key_frames = scene.key_frames().poses().len();
-        let limits = Limits { stream, learns: learn > 0, key_frames, ..engine.how.limits };
+        let limits = Limits { stream, key_frames, ..engine.how.limits };
         let _memory =
             if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
-        let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
-        if learn > 0 {
-            learning::begin(&mut made, learn)?;
-        }
+        let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
         let converter = Converter::new(camera.width, camera.height)?;
         let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
         encoder.write(Handle::boxed(encoding, handle.log()));
@@ -310,11 +294,6 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         NVSP_PROFILE_COMPACT => PoseProfile::Compact,
         NVSP_PROFILE_PAPER => PoseProfile::Paper,
         _ => return Err(Failure::argument("nvsp_encoder_options.profile")),
-    };
-    made.short = match options.form {
-        NVSP_FORM_SHORT => true,
-        NVSP_FORM_FULL => false,
-        _ => return Err(Failure::argument("nvsp_encoder_options.form")),
     };
     made.residual = match options.residual {
         NVSP_RESIDUAL_WAVELET => ResidualCoder::Wavelet,
@@ -424,8 +403,8 @@ pub extern "C" fn nvsp_encoder_set_rate(
     })
 }
 
-/// Gives the next packet the full form and the camera. In a stream its frame is intra. Call it if a topside asks
-/// what the packets are about, or if a packet was not sent.
+/// Has the next packet state prior and camera. In a stream its frame is intra. Call it if a topside asks what the
+/// packets are about, or if a packet was not sent.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_announce(encoder: Option<&nvsp_encoder>) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
@@ -453,8 +432,8 @@ pub extern "C" fn nvsp_encoder_acknowledge(
     })
 }
 
-/// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it has the full
-/// latent part, tells the camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
+/// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it states prior and
+/// camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
 /// is as fine as those of other frames. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_UNFINISHED (a frame is under way).

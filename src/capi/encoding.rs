@@ -33,8 +33,6 @@ pub(super) struct Core {
     /// What the converter and the encoder's mask are made of.
     pub optics: Optics,
     pub limits: Limits,
-    /// An update that a caller had no room for.
-    pub update: Option<Vec<u8>>,
     /// Frames that still take memory, and how many do after the encoder itself took some.
     cold: usize,
     most_cold: usize,
@@ -79,7 +77,7 @@ impl Encoding {
         let converter = Arc::new(Mutex::new(converter));
         let optics = Optics::default();
         let (own, most_cold) = (converter.clone(), cold);
-        let core = Core { encoder, converter: own, optics, limits, update: None, cold, most_cold };
+        let core = Core { encoder, converter: own, optics, limits, cold, most_cold };
         let core = Arc::new(Mutex::new(core));
         let lost = Lost::default();
         let workers = match two {
@@ -222,7 +220,7 @@ fn search_and_code(
             cold = cold.saturating_sub(1);
             Ok(())
         });
-        coded.inspect_err(|_| noted.note(work.camera.is_some()))
+        coded.inspect_err(|_| noted.note(work.states_session))
     };
     vec![Box::new(search), Box::new(code)]
 }
@@ -237,11 +235,8 @@ impl Core {
 
     /// Sets memory aside for the next call, unless all that it takes is there.
     pub(super) fn memory(&self) -> Result<Option<Grant>, Failure> {
-        match self.cold > 0 {
-            true => self.limits.encoder(self.encoder.camera()).map(Some),
-            // Key frames come and go with any frame.
-            false => self.limits.learner(self.encoder.camera()),
-        }
+        let camera = self.encoder.camera();
+        (self.cold > 0).then(|| self.limits.encoder(camera)).transpose()
     }
 
     /// The next frames take memory again.

@@ -173,7 +173,6 @@ fn open_options(options: &nvsp_engine_options) -> Result<OpenOptions, Failure> {
         },
         host_bytes: or_none(options.host_memory_limit),
         stream: false,
-        learns: false,
         key_frames: 0,
     };
     let validation = options.flags & NVSP_ENGINE_VALIDATION != 0;

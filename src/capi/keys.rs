@@ -57,8 +57,6 @@ pub const NVSP_CONTENT_FRAME: u32 = 0;
 pub const NVSP_CONTENT_REPORT: u32 = 1;
 /// A packet that does not go over a modem.
 pub const NVSP_CONTENT_PACKET: u32 = 2;
-/// An update that does not go over a modem.
-pub const NVSP_CONTENT_UPDATE: u32 = 3;
 
 /// Puts numbers and tags in front of what goes another way than through an nvsp_sender, such as packets in files. One
 /// thread at a time may use it.
@@ -115,7 +113,6 @@ fn content_of(content: u32) -> Result<Content, Failure> {
         NVSP_CONTENT_FRAME => Content::Frame,
         NVSP_CONTENT_REPORT => Content::Report,
         NVSP_CONTENT_PACKET => Content::Packet,
-        NVSP_CONTENT_UPDATE => Content::Update,
         _ => return Err(Failure::argument("content: none of NVSP_CONTENT_*")),
     })
 }

@@ -2,7 +2,7 @@
 
 use crate::Camera;
 use crate::image::ImageView;
-use crate::prior::{KeyFrames, PriorClaims};
+use crate::prior::PriorClaims;
 use crate::tracking::Relocaliser;
 
 use super::memory::Grant;
@@ -17,8 +17,6 @@ pub(super) struct Limits {
     pub host_bytes: u64,
     /// What is made is for a stream.
     pub stream: bool,
-    /// What is made learns.
-    pub learns: bool,
     /// Key frames that what is made searches by.
     pub key_frames: usize,
 }
@@ -81,14 +79,7 @@ impl Limits {
     fn encoder_bytes(&self, width: u32, height: u32) -> u64 {
         encoder(width, height)
             + if self.stream { stream_encoder(width, height) } else { 0 }
-            + if self.learns { learner(width, height) } else { 0 }
             + Relocaliser::landmark_bytes(self.key_frames) as u64
-    }
-
-    /// Sets memory aside for what a learner does beside a frame; none if nothing learns.
-    pub(super) fn learner(&self, camera: &Camera) -> Result<Option<Grant>, Failure> {
-        let bytes = learner(camera.width, camera.height);
-        self.learns.then(|| Grant::take("a learner", bytes, self.host_bytes)).transpose()
     }
 
     /// Sets memory aside for reading a file of `size` bytes. Reading itself grows its memory by steps.
@@ -98,7 +89,7 @@ impl Limits {
 
     /// Sets memory aside for the head of a prior in blocks, in a file of `size` bytes.
     pub(super) fn blocks_head(&self, size: u64) -> Result<Grant, Failure> {
-        // A block takes 36 bytes of the head, and more of the file.
+        // A block takes 40 bytes of the head, and more of the file.
         Grant::take(
             "the head of a prior",
             4 * (size / 8).min(LONGEST_HEAD) + PRIOR,
@@ -106,12 +97,12 @@ impl Limits {
         )
     }
 
-    /// Sets memory aside for a prior of this content, with key frames in a file of `keys` bytes beside it.
-    pub(super) fn prior(&self, bytes: &[u8], keys: u64) -> Result<Grant, Failure> {
+    /// Sets memory aside for a prior of this content, with a file of `beside` bytes beside it.
+    pub(super) fn prior(&self, bytes: &[u8], beside: u64) -> Result<Grant, Failure> {
         let needed = PriorClaims::of(bytes).map_or(PRIOR, |claims| prior(&claims));
-        // The text, which grows by steps as it is read, its words and the poses. A longer file is refused.
-        let keys = 4 * keys.min(LONGEST_KEYS);
-        Grant::take("a prior", needed + keys, self.host_bytes)
+        // Its bytes, and what they hold: a key frame takes the most.
+        let beside = beside.saturating_mul(8);
+        Grant::take("a prior", needed.saturating_add(beside), self.host_bytes)
     }
 }
 
@@ -123,11 +114,8 @@ pub(super) fn engine_bytes() -> u64 {
     8 * SMALL
 }
 
-/// Most bytes of a file of key frames.
-const LONGEST_KEYS: u64 = 256 * (KeyFrames::MAX as u64 + 1);
-
-/// Bytes of a head of a million blocks.
-const LONGEST_HEAD: u64 = 36 << 20;
+/// Bytes of a head of a million blocks, with the doubt of some million splats.
+const LONGEST_HEAD: u64 = 64 << 20;
 
 /// A prior besides its splats: coder tables beside it, pipelines.
 const PRIOR: u64 = 8 * SMALL;
@@ -168,12 +156,6 @@ pub(super) fn decoder(width: u32, height: u32) -> u64 {
 /// pyramids.
 pub(super) fn stream_encoder(width: u32, height: u32) -> u64 {
     SMALL + 327 * pixels(width, height)
-}
-
-/// What an encoder that learns takes besides: 16 key frames and those of a draft, of 16 bytes per pixel and 4, what the
-/// scene shows in 8 of them, 7, and pictures to compare.
-pub(super) fn learner(width: u32, height: u32) -> u64 {
-    8 * SMALL + 640 * pixels(width, height)
 }
 
 /// What a decoder takes besides, from the first packet of a stream on: the frames, 15 planes, a picture, depths.

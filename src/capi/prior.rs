@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::image::{Preprocessing, WhiteBalance};
 use crate::prior::blocked::BlockedPrior;
-use crate::prior::{CoordinateFrame, KeyFrames, PriorClaims};
+use crate::prior::{CoordinateFrame, PriorClaims, extras_file};
 use crate::render::{BlockReader, Scene};
 use crate::{Camera, Prior, RenderOptions, RenderOverrides};
 
@@ -50,11 +50,8 @@ pub const NVSP_PRIOR_ALPHA_MAX: u32 = 2;
 pub const NVSP_PRIOR_ANTIALIASED: u32 = 4;
 /// `background` is given.
 pub const NVSP_PRIOR_BACKGROUND: u32 = 8;
-/// No field: make room on the device for what is learnt while diving, 4,096 splats of at most 256 bytes. Let encoders
-/// and decoders that share such a prior work in turn, not at once. It is no part of the identity.
-pub const NVSP_PRIOR_UPDATES: u32 = 16;
 /// `trained_focal` is given.
-pub const NVSP_PRIOR_TRAINED_FOCAL: u32 = 32;
+pub const NVSP_PRIOR_TRAINED_FOCAL: u32 = 16;
 
 impl PriorContent {
     /// The prior on the engine's device.
@@ -72,7 +69,7 @@ impl PriorContent {
 pub struct nvsp_prior_options {
     pub struct_size: u32,
     pub abi_version: u32,
-    /// NVSP_PRIOR_* bits: which of the fields below count, and NVSP_PRIOR_UPDATES.
+    /// NVSP_PRIOR_* bits: which of the fields below count.
     pub given: u32,
     /// Splats whose camera z is not above this are culled, in the prior's unit; above 0.
     pub near_plane: f32,
@@ -89,7 +86,7 @@ pub struct nvsp_prior_options {
     /// not state its own serves pictures of other sizes, too.
     pub trained_focal: f32,
 }
-versioned!(nvsp_prior_options, 36, 44);
+versioned!(nvsp_prior_options, 44);
 
 /// Colours were left as they were.
 pub const NVSP_WHITE_BALANCE_NONE: u32 = 0;
@@ -135,7 +132,7 @@ pub struct nvsp_prior_info {
     /// Trained focal length in use, pixels; 0: none is stated.
     pub trained_focal: f32,
 }
-versioned!(nvsp_prior_info, 80, 84);
+versioned!(nvsp_prior_info, 84);
 
 /// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
 /// the device memory was made for makes a frame take more.
@@ -169,13 +166,12 @@ versioned!(nvsp_memory_estimate, 64);
 /// most four times the size of a binary .ply, or eight times the size of a text .ply. A file of another format takes
 /// more, by the factor by which it is packed.
 ///
-/// Key frames, the poses at which a lost camera is looked for, are read too: from the file PATH.keys beside the prior
-/// if there is one, else from the prior's own file. They are no part of its identity; `nvsprior key-frames` writes
-/// them. If PATH.keys is not valid, the call fails with NVSP_ERR_PRIOR.
+/// Key frames, the poses at which a lost camera is looked for, are read too: from the prior's own file, or, if that is
+/// of a foreign format, from the file PATH.nvsx beside it if there is one. They are no part of its identity; `nvsprior
+/// key-frames` writes them. If PATH.nvsx is not valid, or about another prior, the call fails with NVSP_ERR_PRIOR.
 ///
-/// Scene coder tables are read in the same way, from PATH.tables or the prior's own file. With them difference pictures
-/// take fewer bytes. They are part of the prior's identity: both sides of a link need them. `nvsprior tables` writes
-/// them.
+/// Scene coder tables are read from an .nvsg or .nvsb. With them difference pictures take fewer bytes. They are part of
+/// the prior's identity: both sides of a link need them. `nvsprior tables` writes them.
 ///
 /// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
 /// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
@@ -185,8 +181,7 @@ versioned!(nvsp_memory_estimate, 64);
 /// cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
 /// the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
 /// for it: see nvsp_prior_get_blocks. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
-/// options and updates cannot be given with it, nor coder tables beside it. Encoders and decoders that share such a
-/// prior work in turn.
+/// options cannot be given with it. Encoders and decoders that share such a prior work in turn.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 /// NVSP_ERR_DEVICE_LOST; the text is the engine's.
@@ -259,9 +254,9 @@ impl Source<'_> {
                     let _memory = limits.file(size)?;
                     Prior::read_file(path).map_err(crate::Error::from)?
                 };
-                let keys = KeyFrames::path_beside(path);
-                let keys = std::fs::metadata(keys).map_or(0, |file| file.len());
-                let grant = limits.prior(&bytes, keys)?;
+                let beside = extras_file::path_beside(path);
+                let beside = std::fs::metadata(beside).map_or(0, |file| file.len());
+                let grant = limits.prior(&bytes, beside)?;
                 let prior = Prior::from_file(path, bytes, overrides);
                 Ok((prior.map_err(crate::Error::from)?, grant))
             }
@@ -279,8 +274,7 @@ fn open<'a>(
     nvsp_engine::share(engine, |handle, content| {
         let prior = prior.required("prior")?;
         let options = options.read()?;
-        let (overrides, for_updates) =
-            (overrides(&options)?, options.given & NVSP_PRIOR_UPDATES != 0);
+        let overrides = overrides(&options)?;
         if options.blocks_memory != 0 {
             let content = open_blocked(handle, &content, &options, source()?)?;
             prior.write(Handle::boxed(content, handle.log()));
@@ -288,10 +282,7 @@ fn open<'a>(
         }
         let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
         log_load(handle, &loaded);
-        let scene = match for_updates {
-            true => content.engine.upload_for_updates(&loaded)?,
-            false => content.engine.upload(&loaded)?,
-        };
+        let scene = content.engine.upload(&loaded)?;
         let content = PriorContent { scene, info: info_of(&loaded) };
         prior.write(Handle::boxed(content, handle.log()));
         Ok(NVSP_OK)
@@ -335,7 +326,7 @@ fn open_blocked(
         blocked.id(),
         blocked.len(),
         blocked.blocks().len(),
-        blocked.key_frames().len()
+        blocked.extras().key_frames.len()
     );
     handle.log().write(NVSP_LOG_INFO, &text);
     let scene = content.engine.open_blocked(&blocked, limit, reader)?;
@@ -347,8 +338,8 @@ fn info_of_blocked(blocked: &BlockedPrior) -> nvsp_prior_info {
         id: blocked.id().0,
         splats: number(blocked.len()),
         sh_degree: blocked.sh_degree(),
-        key_frames: number(blocked.key_frames().len()),
-        ..drawn_so(blocked.options(), &blocked.coordinate_frame(), blocked.preprocessing())
+        key_frames: number(blocked.extras().key_frames.len()),
+        ..drawn_so(blocked.options(), &blocked.coordinate_frame(), &blocked.extras().preprocessing)
     }
 }
 
@@ -359,7 +350,6 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
         | NVSP_PRIOR_ALPHA_MAX
         | NVSP_PRIOR_ANTIALIASED
         | NVSP_PRIOR_BACKGROUND
-        | NVSP_PRIOR_UPDATES
         | NVSP_PRIOR_TRAINED_FOCAL;
     if given & !known != 0 {
         return Err(Failure::argument("nvsp_prior_options.given"));

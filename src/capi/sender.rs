@@ -4,7 +4,7 @@ use std::ptr::null_mut;
 
 use crate::modem::{
     Division, Loss, MAX_UNPROTECTED, PacketState, ProcessedReport, Protection, RateControlOptions,
-    Report, Sender, SenderOptions, UpdateOptions, share_count,
+    Report, Sender, SenderOptions, share_count,
 };
 
 use super::handle::Handle;
@@ -51,12 +51,11 @@ pub const NVSP_LOSS_NONE: f64 = -1.0;
 /// packets of twice the latency.
 pub const NVSP_SENDER_EXPECT_REPORTS: u32 = 1;
 /// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
-/// missing. Needs an MTU of 31 or more, stream 0 and no user bytes.
+/// missing. Needs stream 0 and no user bytes. Below an MTU of 16 a packet has at most 8 shares, and these have no check
+/// of their own: the modem must find damage.
 pub const NVSP_SENDER_UNPROTECTED: u32 = 2;
-/// nvsp_sender_options.flags: updates of the prior are sent, too: nvsp_sender_push_update.
-pub const NVSP_SENDER_UPDATES: u32 = 4;
 
-/// MTUs of common acoustic modems, bytes. Any from 31 to 65535 will do, with protection from 16.
+/// MTUs of common acoustic modems, bytes. Any from 8 to 65535 will do, with protection from 16.
 #[allow(dead_code)] // For C alone.
 pub const NVSP_MTU_31: u32 = 31;
 #[allow(dead_code)] // For C alone.
@@ -95,8 +94,8 @@ pub struct nvsp_sender_options {
     /// Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
     /// picture takes: the frame rate falls first. 0: 40.
     pub min_bytes: u32,
-    /// Most shares of a packet, up to 64; without protection up to 4096. nvsp_collector_options.shares must be as many.
-    /// 0: 16; without protection as many as 65536 bytes take.
+    /// Most shares of a packet, up to 64; without protection up to 2048, below an MTU of 16 up to 8, and more count as
+    /// so many. nvsp_collector_options.shares must be as many. 0: 16; without protection as many as 65536 bytes take.
     pub shares: u32,
     /// User bytes that travel with each packet, up to 255; with it they come or are lost.
     pub user_bytes: u32,
@@ -104,18 +103,11 @@ pub struct nvsp_sender_options {
     pub stream: u32,
     /// NVSP_SENDER_* flags.
     pub flags: u32,
-    /// With NVSP_SENDER_UPDATES: the part of the bit rate that an update gets while it is sent, below 1; pictures get
-    /// the rest. 0: a third.
-    pub update_share: f64,
-    /// With NVSP_SENDER_UPDATES: bytes of the updates that are kept, all of the dive. 0: 65536.
-    pub update_memory: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Each modem frame gets a number and a tag by these keys, and reports need one, too. They take nvsp_keys.tag_bytes
     /// and 2 bytes of each modem frame. Read during nvsp_sender_create. NULL: none.
     pub keys: In<nvsp_keys>,
 }
-versioned!(nvsp_sender_options, 88, 112);
+versioned!(nvsp_sender_options, 96);
 
 /// How a packet was divided.
 #[repr(C)]
@@ -185,7 +177,7 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
     if options.stream > 3 {
         return Err(Failure::argument("nvsp_sender_options.stream: above 3"));
     }
-    if is_set(!(NVSP_SENDER_EXPECT_REPORTS | NVSP_SENDER_UNPROTECTED | NVSP_SENDER_UPDATES)) {
+    if is_set(!(NVSP_SENDER_EXPECT_REPORTS | NVSP_SENDER_UNPROTECTED)) {
         return Err(Failure::argument("nvsp_sender_options.flags: unknown"));
     }
     let or = |value: f64, default: f64| if value == 0.0 { default } else { value };
@@ -212,24 +204,7 @@ fn options_of(mtu: u32, options: &nvsp_sender_options) -> Result<SenderOptions, 
         stream: options.stream as u8,
         protection: if unprotected { Protection::None } else { Protection::Layers },
         expect_reports: is_set(NVSP_SENDER_EXPECT_REPORTS),
-        updates: updates_of(options)?,
     })
-}
-
-fn updates_of(options: &nvsp_sender_options) -> Result<Option<UpdateOptions>, Failure> {
-    let nvsp_sender_options { update_share, update_memory, .. } = *options;
-    if options.reserved != 0 {
-        return Err(Failure::argument("nvsp_sender_options.reserved: not 0"));
-    }
-    let defaults = UpdateOptions::default();
-    if options.flags & NVSP_SENDER_UPDATES == 0 {
-        let stated = update_share != 0.0 || update_memory != 0;
-        let what = "nvsp_sender_options.update_share, update_memory: without NVSP_SENDER_UPDATES";
-        return if stated { Err(Failure::argument(what)) } else { Ok(None) };
-    }
-    let share = if update_share == 0.0 { defaults.share } else { update_share };
-    let memory = if update_memory == 0 { defaults.memory } else { update_memory as usize };
-    Ok(Some(UpdateOptions { share, repeat: defaults.repeat.min(share), memory }))
 }
 
 fn loss_of(chance: f64, burst: f64) -> Loss {
@@ -244,7 +219,7 @@ fn loss_of(chance: f64, burst: f64) -> Loss {
 /// NVSP_ERR_MEMORY.
 ///
 /// # Parameters
-/// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 31; with keys from as many more as they
+/// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
 ///   take. Both sides need the same.
 /// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
 /// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
@@ -344,7 +319,7 @@ pub unsafe extern "C" fn nvsp_sender_push(
 ///
 /// # Safety
 /// - `now`: seconds.
-/// - `share`: receives the share, which is a modem frame. It may be padded to any length. Yours, of `size` bytes. Not
+/// - `share`: receives the share, which is a modem frame. It may be filled up with zeros. Yours, of `size` bytes. Not
 ///   NULL.
 /// - `size`: bytes of `share`; the MTU always suffices.
 /// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.

@@ -41,7 +41,7 @@ pub struct nvsp_sender_statistics {
     /// With keys: of each stream, the number above all of the reports that came. See nvsp_keys.taken.
     pub taken: [u64; 4],
 }
-versioned!(nvsp_sender_statistics, 88, 144);
+versioned!(nvsp_sender_statistics, 144);
 
 /// Copies the counts of a sender.
 ///
@@ -115,7 +115,7 @@ pub struct nvsp_collector_statistics {
     /// With keys: of each stream, the number above all of the modem frames that came. See nvsp_keys.taken.
     pub taken: [u64; 4],
 }
-versioned!(nvsp_collector_statistics, 96, 152);
+versioned!(nvsp_collector_statistics, 152);
 
 /// Copies the counts of a collector.
 ///

@@ -57,10 +57,11 @@ pub const NVSP_ERR_NO_START: nvsp_status = -17;
 pub const NVSP_ERR_BUDGET: nvsp_status = -18;
 /// The bytes are no packet, or its latent part is damaged.
 pub const NVSP_ERR_PACKET: nvsp_status = -19;
-/// The packet is about another prior than the one at hand.
+/// The packet is about another prior than the one at hand. Or one before was, or its render was another, and this one
+/// does not state its prior: wait for one that does.
 pub const NVSP_ERR_OTHER_PRIOR: nvsp_status = -20;
-/// The packet's camera was sent in an earlier packet, which is missing. For a short packet this may
-/// also mean that it is about another prior; the text tells.
+/// The packet's tag is not that of the prior at hand with any camera known: the packet that states prior and camera is
+/// missing, or it is about another prior.
 pub const NVSP_ERR_CAMERA_UNKNOWN: nvsp_status = -21;
 /// The difference picture is damaged or cut short.
 pub const NVSP_ERR_RESIDUAL: nvsp_status = -22;
@@ -81,13 +82,10 @@ pub const NVSP_ERR_UNSUPPORTED: nvsp_status = -28;
 /// The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 /// nvsp_decoded.damage has it.
 pub const NVSP_ERR_REFERENCE: nvsp_status = -29;
-/// An update of the prior is damaged, or does not stand on those before. In nvsp_decoded.damage: the update that the
-/// frame is drawn with has not come.
-pub const NVSP_ERR_UPDATE: nvsp_status = -30;
 /// No key that is held has made the tag: of a stranger or of another epoch, or damaged.
-pub const NVSP_ERR_FOREIGN: nvsp_status = -31;
+pub const NVSP_ERR_FOREIGN: nvsp_status = -30;
 /// It has the right tag, and comes a second time.
-pub const NVSP_ERR_REPLAYED: nvsp_status = -32;
+pub const NVSP_ERR_REPLAYED: nvsp_status = -31;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -122,8 +120,7 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_BUDGET => c"the byte budget does not hold the pose",
         NVSP_ERR_PACKET => c"no packet, or damaged",
         NVSP_ERR_OTHER_PRIOR => c"the packet is about another prior",
-        NVSP_ERR_UPDATE => c"the update of the prior is damaged, out of order or missing",
-        NVSP_ERR_CAMERA_UNKNOWN => c"the packet's camera is not known",
+        NVSP_ERR_CAMERA_UNKNOWN => c"the packet's prior and camera are not known",
         NVSP_ERR_RESIDUAL => c"the difference picture is damaged",
         NVSP_ERR_MODEM => c"no modem frame of a packet",
         NVSP_ERR_INTERNAL => c"a fault inside the library",
@@ -242,7 +239,7 @@ fn of_kind(kind: ErrorKind) -> nvsp_status {
         ErrorKind::Limit => NVSP_ERR_LIMIT,
         ErrorKind::Packet => NVSP_ERR_PACKET,
         ErrorKind::OtherPrior => NVSP_ERR_OTHER_PRIOR,
-        ErrorKind::CameraUnknown => NVSP_ERR_CAMERA_UNKNOWN,
+        ErrorKind::SessionUnknown => NVSP_ERR_CAMERA_UNKNOWN,
         ErrorKind::Residual => NVSP_ERR_RESIDUAL,
         ErrorKind::Reference => NVSP_ERR_REFERENCE,
         ErrorKind::Newer => NVSP_ERR_NEWER,
@@ -250,7 +247,6 @@ fn of_kind(kind: ErrorKind) -> nvsp_status {
         ErrorKind::Modem => NVSP_ERR_MODEM,
         ErrorKind::Foreign => NVSP_ERR_FOREIGN,
         ErrorKind::Replayed => NVSP_ERR_REPLAYED,
-        ErrorKind::Update => NVSP_ERR_UPDATE,
         ErrorKind::State => NVSP_ERR_STATE,
         ErrorKind::Unfinished => NVSP_ERR_UNFINISHED,
         ErrorKind::Poisoned => NVSP_ERR_POISONED,

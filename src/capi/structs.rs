@@ -225,12 +225,9 @@ impl<T> Place<T> {
 /// Implements [`Versioned`] for a structure that had `$first_size` bytes in its first version, and has `$size` now.
 macro_rules! versioned {
     ($name:ident, $size:expr) => {
-        crate::capi::structs::versioned!($name, $size, $size);
-    };
-    ($name:ident, $first_size:expr, $size:expr) => {
         // SAFETY: its definition stands above, with numbers and pointers only.
         unsafe impl crate::capi::structs::Versioned for $name {
-            const FIRST_SIZE: usize = $first_size;
+            const FIRST_SIZE: usize = $size;
             const NAME: &'static str = stringify!($name);
         }
         #[cfg(target_pointer_width = "64")]

@@ -54,7 +54,7 @@ mod tests {
                 decoder::NVSP_DECODED_INTER,
                 decoder::NVSP_DECODED_KEPT,
             ]),
-            of_frame(&[decoder::NVSP_HEADER_POSE, decoder::NVSP_HEADER_SHORT]),
+            of_frame(&[decoder::NVSP_HEADER_POSE, decoder::NVSP_HEADER_SESSION]),
             vec![decoder::NVSP_DECODE_START],
             vec![frame::NVSP_GIVEN_TIME],
             vec![engine::NVSP_ENGINE_VALIDATION],

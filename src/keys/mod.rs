@@ -1,4 +1,4 @@
-//! Keys against strangers: tags by which a side knows that a modem frame, a packet or an update is the other side's.
+//! Keys against strangers: tags by which a side knows that a modem frame or a packet is the other side's.
 //!
 //! Both sides hold a [`Key`]. What is sent gets a number and a tag in front, which [`Authenticator`] makes, and
 //! [`Verifier`] checks them before anything else is read: it refuses what was made without the key, and what came

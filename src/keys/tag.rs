@@ -12,14 +12,12 @@ const MARK: &[u8; 4] = b"nvsk";
 /// What a tag is for. A tag of one kind is none of another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// A modem frame from the vehicle: a share, or a piece of an update.
+    /// A modem frame from the vehicle.
     Frame = 0,
     /// A report from the topside.
     Report = 1,
     /// A packet that does not go over a modem.
     Packet = 2,
-    /// An update that does not go over a modem.
-    Update = 3,
 }
 
 impl Content {
@@ -29,7 +27,7 @@ impl Content {
             Content::Frame | Content::Report => {
                 content.iter().rev().take_while(|b| **b == 0).count()
             }
-            Content::Packet | Content::Update => 0,
+            Content::Packet => 0,
         };
         &content[..content.len() - zeros]
     }

@@ -2,15 +2,14 @@
 
 use crate::keys::Refusal;
 use crate::packet::PacketError;
-use crate::prior::StateId;
 
-use super::limits::{MAX_MTU, MAX_SHARES, MAX_UNPROTECTED, MIN_MTU, MIN_SHARE_MTU, STREAMS};
+use super::limits::{MAX_MTU, MAX_SHARES, MIN_CHECKED_MTU, MIN_MTU, STREAMS};
 
 /// Why a packet cannot be sent, or a modem frame not be taken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // Their texts tell.
 pub enum ModemError {
-    #[error("MTU of {0} bytes: without protection it must lie in {MIN_MTU}..={MAX_MTU}")]
+    #[error("MTU of {0} bytes: must lie in {MIN_MTU}..={MAX_MTU}")]
     Mtu(usize),
     #[error(transparent)]
     Packet(#[from] PacketError),
@@ -18,8 +17,6 @@ pub enum ModemError {
     Key(#[from] Refusal),
     #[error("MTU of {mtu} bytes: with these keys it must be {needed} or more")]
     KeyedMtu { mtu: usize, needed: usize },
-    #[error("packet of {found} bytes: it states a length of {stated}")]
-    PacketLength { found: usize, stated: usize },
     #[error("packet of {len} bytes: its checks match only the first {valid}")]
     Invalid { len: usize, valid: usize },
     #[error("packet of {len} bytes: the largest for an MTU of {mtu} has {largest}")]
@@ -30,20 +27,16 @@ pub enum ModemError {
     Cut { found: usize, needed: usize },
     #[error("share {index}: there is room for {room} shares of a packet")]
     NoRoom { index: usize, room: usize },
-    #[error("packet of frame number {0} modulo 128 comes after a newer one took its place")]
+    #[error("packet of number {0} comes after a newer one took its place")]
     Late(u32),
-    #[error("MTU of {0} bytes: protected shares need {MIN_SHARE_MTU}..={MAX_MTU}")]
+    #[error("MTU of {0} bytes: protected shares need {MIN_CHECKED_MTU}..={MAX_MTU}")]
     ShareMtu(usize),
     #[error("{0} shares: a protected packet has 1..={MAX_SHARES}")]
     ShareCount(usize),
-    #[error("{0} shares: an unprotected packet has 1..={MAX_UNPROTECTED}")]
-    UnprotectedCount(usize),
+    #[error("{found} shares: an unprotected packet has 1..={max} at this MTU")]
+    UnprotectedCount { found: usize, max: usize },
     #[error("stream {0}: unprotected packets are of stream 0")]
     UnprotectedStream(u8),
-    #[error("a packet in the predicted form without protection: write it in the short form")]
-    UnprotectedPrediction,
-    #[error("shares with {0} bytes more than the packet has: divide a packet of its length")]
-    Padding(usize),
     #[error("reports for a sender without a bit rate")]
     UnpacedReports,
     #[error("a rate or a loss for a sender that was made without a bit rate")]
@@ -83,41 +76,10 @@ pub enum ModemError {
     ReportStream { found: u8, expected: u8 },
     #[error("a report for a sender that was made without `expect_reports`")]
     NoReports,
-    #[error("share of frame number {0} modulo 128: unlike the packet's other shares")]
+    #[error("share of packet number {0}: unlike the packet's other shares")]
     OtherShare(u32),
     #[error("{field} of {value}: must lie in 1..={max}")]
     Collector { field: &'static str, value: usize, max: usize },
-    #[error("update of {len} bytes: the largest for an MTU of {mtu} has {largest}")]
-    UpdateTooLong { len: usize, largest: usize, mtu: usize },
-    #[error(
-        "update of {len} bytes in pieces beside {held}: the sender has room for {room}; drop it, or \
-         give `UpdateOptions::memory` more"
-    )]
-    UpdatesFull { len: usize, held: usize, room: usize },
-    #[error(
-        "update {number} stands on state {before}, which no update before leads to; the last one, \
-         {last}, leads to {state}"
-    )]
-    UpdateOrder { number: u16, before: StateId, last: u16, state: StateId },
-    #[error("an update that cannot be read: {0}")]
-    Update(String),
-    #[error("an update for a sender that was made without `SenderOptions::updates`")]
-    NoUpdates,
-    #[error(
-        "updates, {field} = {value}: must lie in 0..1, `share` above 0, `repeat` not above `share`"
-    )]
-    UpdateShare { field: &'static str, value: f64 },
-    #[error("pieces of an update number {number} modulo 256 that do not yield it: damaged")]
-    UpdateCheck { number: u8 },
-    #[error(
-        "a piece of an update of up to {len} bytes: there is room for {room}; give \
-         `CollectorOptions::update_bytes` more"
-    )]
-    UpdateRoom { len: usize, room: usize },
-    #[error(
-        "{part} of a link kept from {now} seconds on: must lie in 0..1, and the time be finite"
-    )]
-    Reserve { part: f64, now: f64 },
     #[error("no memory for modem frames: {0} bytes")]
     Memory(usize),
     #[error("start of frame number {0}: differs from the one that its packet's checks match")]

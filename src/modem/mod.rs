@@ -6,42 +6,29 @@
 //! once, padded, or mixed with other frames. Numbers are little endian.
 //!
 //! A share has one of three forms: *start* and *continuations* of an unprotected packet, and *protected shares*.
-//! Reports and [pieces of updates](#updates) are modem frames, too. All bytes: `docs/format/modem.md`.
+//! Reports are modem frames, too. All bytes: `docs/format/modem.md`.
 //!
 //! # Without protection
 //!
 //! [`Protection::None`] and [`Sharer::split`] cut a packet into shares. That costs fewest bytes. If one is lost, those
-//! behind it are of no use until it is sent again. MTU: 31 to 65,535 bytes.
+//! behind it are of no use until it is sent again. Such packets are of stream 0, and carry no user bytes. MTU: 8 to
+//! 65,535 bytes. [`share_count`] and [`largest_packet`] tell what a packet takes.
 //!
-//! In the compact profile share 0 holds the latent part, which makes a picture by itself, at any MTU. Such packets are
-//! of stream 0, and carry no user bytes.
-//!
-//! | packet, bytes | MTU 31 | MTU 64 | MTU 256 | MTU 1024 |
+//! | MTU | header of the first share | of each later one | check | most shares |
 //! |---|---|---|---|---|
-//! | 31 | 1 share, +0 | 1 share, +0 | 1 share, +0 | 1 share, +0 |
-//! | 250 | 10 shares, +36 | 5 shares, +16 | 1 share, +0 | 1 share, +0 |
-//! | 750 | 28 shares, +108 | 13 shares, +48 | 3 shares, +8 | 1 share, +0 |
-//! | 1500 | 56 shares, +220 | 25 shares, +96 | 6 shares, +20 | 2 shares, +4 |
-//! | largest | 110,596 | 245,764 | 1,032,196 | 4,177,924 |
+//! | 8 to 15 | 1 byte | 1 byte | the modem's | 8 |
+//! | 16 and more | 2 bytes, one of them the frame number's low byte | 4 bytes | 16 bits, from the second share on | 2048 |
 //!
-//! **Checks.** The check of a continuation covers share 0 as well. So it binds the share to its packet, and if it
-//! matches, it vouches for share 0 too. Up to an MTU of 4095 it finds every error of one, two or any odd number of bits
-//! in data and check, and every burst of up to sixteen bits in the data. It misses other damage with a chance of 2⁻¹⁶.
-//! With the same chance it takes a continuation for one of another packet, for each packet at hand that lacks the share
-//! and whose frame number agrees modulo 4. A packet that is all there must also match its own checks. With the
-//! residual's check the chance falls to 2⁻⁴⁸, in the short form to 2⁻³². If only share 0 is there, only what the
-//! packet's own checks vouch for counts as valid: the latent part, the camera part, or all of it if the packet ends
-//! with share 0.
+//! **Checks.** The check of a continuation covers the start as well. So it binds the share to its packet, and if it
+//! matches, it vouches for the start too. Up to an MTU of 4095 it finds every error of one, two or any odd number of
+//! bits in data and check, and every burst of up to sixteen bits in the data. It misses other damage with a chance of
+//! 2⁻¹⁶. With the same chance it takes a continuation for one of another packet, for each packet at hand that lacks the
+//! share and whose frame number agrees modulo 4. A packet that is all there must also match its own checks: with the
+//! residual's the chance falls to 2⁻³². If only the start is there, only what the packet's own checks vouch for counts
+//! as valid. In a start with a predicted pose nothing does: the check of that needs the poses.
 //!
-//! (Share 0 enters through a CRC that is not the latent part's own. The same CRC over bytes that end with it, low byte
-//! first, would depend on eight bits of them only.)
-//!
-//! **The short form** of a packet states its frame number modulo 2¹⁶. The collector completes it to the number modulo
-//! 2²⁴ that is nearest to that of the last packet that yielded a picture. If none came before, the 16 bits are the
-//! number.
-//!
-//! **The paper's profile** has a latent part of 43 bytes. Below that MTU, share 0 has no check of its own and yields no
-//! picture before share 1.
+//! **Below 16 bytes** the modem must check: all it hands over counts as undamaged, until the packet's own checks tell
+//! otherwise.
 //!
 //! # With protection
 //!
@@ -52,9 +39,7 @@
 //! Sudan, IEEE Transactions on Information Theory 42, 1996). [`Sharing`] chooses the layers for the modem's loss. MTU:
 //! 16 to 65,535 bytes.
 //!
-//! A packet in the [predicted form](crate::packet) with a residual is *open*: it does not say where it ends. It ends
-//! with the last layer, unless bits of the first layer say that this has padding or that the packet's end is not sent.
-//! The check of its latent part is for the decoder to test: it needs the poses that the packet is predicted from.
+//! The check of a predicted pose is for the decoder to test: it needs the poses that it is predicted from.
 //!
 //! **Checks.** Each share has one of its own. The packet's first bytes must be the start of a packet, whose latent part
 //! has another; a whole packet must match all its checks. If one does not match, all shares of the packet are dropped.
@@ -67,23 +52,6 @@
 //! may fill up such frames with zeros, not with other bytes.
 //!
 //! [`Keys::overhead`]: crate::keys::Keys::overhead
-//!
-//! # Updates
-//!
-//! An [update](crate::prior::Update) of the prior travels beside the packets, in *pieces*: one modem frame each. It is
-//! cut into *sources*, and by the same Reed–Solomon code as layers into up to 256 pieces, of which any as many as there
-//! are sources yield it. The first pieces are the sources. MTU: as for shares; at 16 bytes an update has at most 1,566
-//! bytes, at 64 bytes 12,318.
-//!
-//! **Checks.** A piece has one of its own. Its number and tag bind it to its update. What comes out must have that
-//! number and tag, and match the update's own check of 32 bits; else all its pieces are dropped. So pieces of two
-//! updates of one number never yield a mixture, but with a chance of 2⁻⁴⁸.
-//!
-//! **When they go.** [`Sender::push_update`] takes an update, [`Sender::next`] gives out its pieces when no share is
-//! due. They get a stated part of the bit rate, [`UpdateOptions::share`], which pictures then do not get; a picture
-//! waits for one piece at most. So many go that the update is there with a chance of 99 % at the loss that is assumed;
-//! with reports 90 %, as reports ask for more. Without reports all updates are then repeated in turn, in a smaller part
-//! of the bit rate. [`Sender::held_update`] tells from when on frames may be drawn with an update.
 
 mod collect;
 mod error;
@@ -91,14 +59,13 @@ mod limits;
 mod memory;
 mod report;
 mod reported_poses;
-mod reported_updates;
 mod send;
 mod wire;
 
 pub use collect::collected::{Collected, CollectedPacket, CollectorStatistics};
 pub use collect::collector::{Collector, CollectorOptions};
 pub use error::ModemError;
-pub use limits::{MAX_SHARES, MAX_UNPROTECTED, STREAMS};
+pub use limits::{MAX_SHARES, MAX_UNPROTECTED, MIN_CHECKED_MTU, MIN_MTU, STREAMS};
 pub use report::{ArrivedShares, MAX_REPORTED, PacketState, Report, ReportedPacket};
 pub use send::division::Division;
 pub use send::interleaver::Interleaver;
@@ -107,7 +74,6 @@ pub use send::rate_control::{RateControl, RateControlOptions};
 pub use send::sender::{ProcessedReport, Protection, Sender, SenderOptions, SenderStatistics};
 pub use send::sharer::Sharer;
 pub use send::sharing::{Sharing, SharingOptions};
-pub use send::update_options::UpdateOptions;
 pub use wire::contents::Layer;
 pub use wire::layout::{largest_packet, share_count};
 

@@ -10,19 +10,13 @@
 //! in full, too. Padding may follow. Of an unprotected packet the first 256 shares are listed; until its length has
 //! come, those up to the first missing one.
 //!
-//! *Updates*: the states that the topside holds beside the prior alone, and the update whose piece came last. Reports
-//! of topsides that take no updates tell nothing of them; such reports are as they were before there were updates.
-//!
-//! *Poses*: the frames whose poses the topside holds. A vehicle that does not know of them takes these six bytes for
-//! padding.
+//! *Poses*: the frames whose poses the topside holds.
 
 use crate::packet::bytes::crc16;
-use crate::prior::StateId;
 
 use super::error::ModemError;
 use super::limits::{MAX_SHARES, STREAMS};
-use super::reported_poses::{self, ReportedPoses};
-use super::reported_updates::{LastUpdate, ReportedUpdates};
+use super::reported_poses::ReportedPoses;
 
 /// Most packets that a report tells of.
 pub const MAX_REPORTED: usize = 32;
@@ -34,7 +28,9 @@ const NUMBERS: u32 = 1 << 16;
 const MARK: u8 = 0b0000_0100;
 const STREAM_SHIFT: u8 = 4;
 const USER: u8 = 1;
-const UPDATES: u8 = 2;
+const POSES: u8 = 2;
+/// Where the fourth byte has the number of bytes of poses, less one.
+const POSE_SHIFT: u8 = 6;
 /// Largest number of shares that a packet's byte holds.
 pub(super) const MAX_ARRIVED: u8 = 63;
 /// Bytes before the packets'.
@@ -116,8 +112,6 @@ pub struct Report {
     newest: u32,
     reported: usize,
     packets: [ReportedPacket; MAX_REPORTED],
-    /// `None`: it tells nothing of updates.
-    updates: Option<ReportedUpdates>,
     /// `None`: it tells nothing of poses.
     poses: Option<ReportedPoses>,
 }
@@ -138,14 +132,7 @@ impl Report {
         }
         let newest = newest % NUMBERS;
         let packets_told = Default::default();
-        let mut report = Report {
-            stream,
-            newest,
-            reported: 0,
-            packets: packets_told,
-            updates: None,
-            poses: None,
-        };
+        let mut report = Report { stream, newest, reported: 0, packets: packets_told, poses: None };
         for packet in packets.take(MAX_REPORTED) {
             report.packets[report.reported] = packet;
             report.reported += 1;
@@ -169,12 +156,6 @@ impl Report {
         self.packets[..self.reported].get(behind as usize)
     }
 
-    /// Tells the vehicle which updates the topside holds: the number of each and the state after it, newest first, as
-    /// [`Decoder::states`](crate::Decoder::states) gives them. Of more than four the newest are told.
-    pub fn tell_states(&mut self, states: impl Iterator<Item = (u16, StateId)>) {
-        self.updates.get_or_insert_default().set_states(states);
-    }
-
     /// Tells the vehicle the poses of which frames the topside holds, of the last 32:
     /// [`Decoder::holds_pose`](crate::Decoder::holds_pose). Later poses are then predicted from them.
     pub fn tell_poses(&mut self, holds: impl Fn(u32) -> bool) {
@@ -187,16 +168,6 @@ impl Report {
         self.poses.into_iter().flat_map(|poses| poses.each(self.newest))
     }
 
-    /// Tells of the update whose piece came last.
-    pub(super) fn tell_last(&mut self, last: Option<LastUpdate>) {
-        self.updates.get_or_insert_default().last = last;
-    }
-
-    /// What it tells of updates.
-    pub(super) fn updates(&self) -> Option<&ReportedUpdates> {
-        self.updates.as_ref()
-    }
-
     /// The packets, newest first, with their frame numbers modulo 2¹⁶.
     pub fn packets(&self) -> impl Iterator<Item = (u32, &ReportedPacket)> {
         let numbers = (0..).map(|behind| self.newest.wrapping_sub(behind) % NUMBERS);
@@ -204,7 +175,7 @@ impl Report {
     }
 
     /// Writes the report with user bytes, and returns its length. `into` has as many bytes as a modem frame may have.
-    /// If not all fits, it tells of the newest packets and of the newest updates.
+    /// If not all fits, it tells of the newest packets.
     ///
     /// # Errors
     /// If there are more than 255 user bytes, or the report does not fit even without packets.
@@ -216,15 +187,15 @@ impl Report {
         }
         let needed = HEAD + user_len + CHECK;
         let room = mtu.checked_sub(needed).ok_or(ModemError::ReportMtu { mtu, needed })?;
-        let poses = self.poses.filter(|_| room >= reported_poses::LEN);
-        let room = room - poses.map_or(0, |_| reported_poses::LEN);
-        let updates = self.updates.and_then(|updates| updates.written(room));
-        let reported = &self.packets[..self.fitting(room - updates.map_or(0, |(_, len)| len))];
+        let poses = self.poses.and_then(|poses| poses.within(room));
+        let room = room - poses.map_or(0, |poses| poses.len());
+        let reported = &self.packets[..self.fitting(room)];
         let mut bytes = Written { into, len: 0 };
         let mark = MARK | self.stream << STREAM_SHIFT | if user.is_some() { USER } else { 0 };
-        let mark = mark | if updates.is_some() { UPDATES } else { 0 };
+        let mark = mark | if poses.is_some() { POSES } else { 0 };
         let [low, high, ..] = self.newest.to_le_bytes();
-        bytes.add(&[mark, low, high, reported.len() as u8]);
+        let pose_bytes = poses.map_or(0, |poses| (poses.len() - 1) as u8);
+        bytes.add(&[mark, low, high, pose_bytes << POSE_SHIFT | reported.len() as u8]);
         for packet in reported {
             let arrived = packet.arrived.min(MAX_ARRIVED.into()) as u8;
             bytes.add(&[packet.state as u8 | arrived << 2]);
@@ -233,19 +204,13 @@ impl Report {
             bytes.add(&[(packet.shares.sent() - 1) as u8]);
             bytes.add(packet.shares.bytes());
         }
-        if let Some((updates, len)) = updates {
-            bytes.add(&updates[..len]);
-        }
+        poses.iter().flat_map(|poses| poses.bytes()).for_each(|byte| bytes.add(&[byte]));
         if let Some(user) = user {
             bytes.add(&[user.len() as u8]);
             bytes.add(user);
         }
         let check = crc16(&[&bytes.into[..bytes.len]]);
         bytes.add(&check.to_le_bytes());
-        if let Some(poses) = poses {
-            let told = poses.bytes(&bytes.into[..bytes.len]);
-            bytes.add(&told);
-        }
         Ok(bytes.len)
     }
 
@@ -265,18 +230,21 @@ impl Report {
     pub fn read(bytes: &[u8]) -> Result<(Report, Option<&[u8]>), ModemError> {
         let mut rest = Rest { all: bytes, at: 0 };
         let mark = rest.byte()?;
-        if mark & !(USER | UPDATES | 3 << STREAM_SHIFT) != MARK {
+        if mark & !(POSES | USER | 3 << STREAM_SHIFT) != MARK {
             return Err(ModemError::NotAFrame(mark));
         }
         let newest = u32::from(rest.byte()?) | u32::from(rest.byte()?) << 8;
-        let reported = usize::from(rest.byte()?);
+        let counts = rest.byte()?;
+        let (reported, poses) = (usize::from(counts & 0x3F), usize::from(counts >> POSE_SHIFT));
+        if mark & POSES == 0 && poses > 0 {
+            return Err(ModemError::NotAFrame(mark));
+        }
         let states = rest.take(reported)?;
         let mut report = Report {
             stream: mark >> STREAM_SHIFT & 3,
             newest,
             reported,
             packets: Default::default(),
-            updates: None,
             poses: None,
         };
         let packets = report.packets.get_mut(..reported).ok_or(ModemError::NotAFrame(mark))?;
@@ -292,8 +260,8 @@ impl Report {
                 packet.shares = rest.shares()?;
             }
         }
-        if mark & UPDATES != 0 {
-            report.updates = Some(rest.updates(mark)?);
+        if mark & POSES != 0 {
+            report.poses = Some(ReportedPoses::read(rest.take(poses + 1)?));
         }
         let user = match mark & USER {
             0 => None,
@@ -304,12 +272,9 @@ impl Report {
         };
         let check = crc16(&[&bytes[..rest.at]]);
         let found = [rest.byte()?, rest.byte()?];
-        if u16::from_le_bytes(found) == check {
-            let (own, after) = bytes.split_at(rest.at);
-            report.poses = ReportedPoses::read(own, after);
-            Ok((report, user))
-        } else {
-            Err(ModemError::ReportCheck)
+        match u16::from_le_bytes(found) == check {
+            true => Ok((report, user)),
+            false => Err(ModemError::ReportCheck),
         }
     }
 }
@@ -353,12 +318,6 @@ impl<'a> Rest<'a> {
         Ok(self.take(1)?[0])
     }
 
-    fn updates(&mut self, mark: u8) -> Result<ReportedUpdates, ModemError> {
-        let first = self.byte()?;
-        let len = ReportedUpdates::rest_len(first).ok_or(ModemError::NotAFrame(mark))?;
-        Ok(ReportedUpdates::read(first, self.take(len)?))
-    }
-
     fn shares(&mut self) -> Result<ArrivedShares, ModemError> {
         let count = usize::from(self.byte()?) + 1;
         let bytes = self.take(count.div_ceil(8))?;
@@ -371,7 +330,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::modem::wire::piece::UpdateName;
 
     fn report() -> Report {
         let part = ReportedPacket {
@@ -389,13 +347,6 @@ mod tests {
         Report::new(2, 0x1_0001, packets.into_iter()).unwrap()
     }
 
-    fn with_updates() -> Report {
-        let mut report = report();
-        report.tell_states([(258, StateId(77)), (257, StateId(78))].into_iter());
-        report.tell_last(Some(LastUpdate::new(UpdateName { number: 3, tag: 9 }, None)));
-        report
-    }
-
     fn written(mtu: usize, user: Option<&[u8]>) -> Vec<u8> {
         bytes_of(&report(), mtu, user)
     }
@@ -408,36 +359,19 @@ mod tests {
     }
 
     #[test]
-    fn updates_come_along_and_leave_the_other_bytes_as_they_are() {
-        let with = with_updates();
-        for user in [None, Some(&b"depth 31.4"[..])] {
-            let bytes = bytes_of(&with, 64, user);
-            assert_eq!(Report::read(&bytes), Ok((with, user)));
-            let plain = written(64, user);
-            assert_eq!((bytes[0], bytes.len()), (plain[0] | 2, plain.len() + 11));
-        }
-        // At the smallest MTU it tells of the newest state and the last update; no packet fits.
-        let (read, _) = Report::read(&bytes_of(&with, 16, None)).map(|(r, _)| (r, ())).unwrap();
-        let updates = read.updates().unwrap();
-        assert!(updates.holds(2, StateId(77)) && !updates.holds(1, StateId(78)));
-        assert!(updates.last.is_some() && read.packets().count() == 0);
-    }
-
-    #[test]
-    fn poses_come_behind_and_leave_the_report_as_it_is() {
-        let mut with = with_updates();
+    fn poses_are_told_as_far_as_there_is_room() {
+        let mut with = report();
         with.tell_poses(|frame| frame as u16 != 0xFFFF);
         let bytes = bytes_of(&with, 80, Some(b"user"));
-        let plain = bytes_of(&with_updates(), 80, Some(b"user"));
-        assert_eq!(bytes[..plain.len()], plain);
+        assert_eq!(bytes.len(), bytes_of(&report(), 80, Some(b"user")).len() + 4);
         let (read, user) = Report::read(&bytes).unwrap();
         assert_eq!((read, user), (with, Some(&b"user"[..])));
         let poses: Vec<_> = read.poses().take(4).collect();
         assert_eq!(poses, [(1, true), (0, true), (0xFFFF, false), (0xFFFE, true)]);
-        assert_eq!(Report::read(&plain).unwrap().0.poses().count(), 0);
-        // A small modem frame has no room for them.
+        assert_eq!(report().poses().count(), 0);
+        // The smallest modem frame has room for those of eight frames.
         let (small, _) = Report::read(&bytes_of(&with, 8, None)).map(|(r, _)| (r, ())).unwrap();
-        assert_eq!(small.poses().count(), 0);
+        assert_eq!(small.poses().count(), 8);
     }
 
     #[test]
@@ -477,7 +411,7 @@ mod tests {
 
     #[test]
     fn damage_is_found() {
-        let bytes = bytes_of(&with_updates(), 64, Some(b"user"));
+        let bytes = bytes_of(&report(), 64, Some(b"user"));
         for bit in 0..8 * bytes.len() {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);

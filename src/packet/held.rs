@@ -1,15 +1,11 @@
 //! The poses of the last frames, which those of later frames may be predicted from.
 
-use crate::Camera;
-use crate::prior::PriorId;
-
-use super::camera_tag::{intrinsics, size_bytes};
+use super::Session;
 use super::error::{PacketError, Part};
-use super::form::{Follows, PREDICTED_FRAMES};
-use super::latent::nearest_frame;
+use super::head::PoseKind;
+use super::latent::{Latent, Layout, Read, nearest_frame};
 use super::pose::ShortCode;
-use super::predicted::{FARTHEST, From, LONGEST_BASE, Prediction, Stated, is_predicted};
-use super::{Latent, Session};
+use super::predicted::{FARTHEST, From, LONGEST_BASE, Prediction, Stated};
 
 /// Frames that are remembered. Packets may be decoded some time after they came.
 const SLOTS: usize = 128;
@@ -20,36 +16,18 @@ const SLOTS: usize = 128;
 pub struct HeldPoses {
     /// Each at its frame number modulo [`SLOTS`].
     slots: Vec<Option<HeldPose>>,
-    /// The frame number that came last, modulo 2²⁴.
+    /// The frame number that came last.
     last: Option<u32>,
 }
 
 /// A frame's pose, and what it is about.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HeldPose {
-    /// Frame number, modulo 2²⁴.
+    /// Frame number.
     frame: u32,
     pub pose: ShortCode,
-    /// Names prior and camera, as the packet did.
-    session: Session,
-    update: Option<u8>,
-    portable: bool,
-    /// [`session_check`].
-    check: u32,
-}
-
-/// What a frame is about, in 32 bits: the state of the prior, the camera, and whether the device is portable.
-///
-/// # Errors
-/// If the camera's size does not fit a packet.
-pub fn session_check(state: PriorId, camera: &Camera, latent: &Latent) -> Result<u32, PacketError> {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&state.to_bytes());
-    hasher.update(&size_bytes(camera.width, camera.height)?);
-    hasher.update(&intrinsics(camera));
-    hasher.update(&[latent.portable.into(), latent.update.is_some().into()]);
-    hasher.update(&[latent.update.unwrap_or(0)]);
-    Ok(hasher.finalize())
+    /// [`Session::check`].
+    session: u32,
 }
 
 impl HeldPoses {
@@ -58,18 +36,21 @@ impl HeldPoses {
         HeldPoses { slots: vec![None; SLOTS], last: None }
     }
 
-    /// Holds a frame's pose from here on, if later poses can be predicted from it. `session`: its [`session_check`].
-    pub fn hold(&mut self, frame: u32, latent: &Latent, session: u32) {
-        let frame = frame % Latent::FRAMES;
-        let Some(pose) = latent.pose.short() else { return self.forget(frame) };
-        self.put(HeldPose {
-            frame,
-            pose,
-            session: latent.session,
-            update: latent.update,
-            portable: latent.portable,
-            check: session,
-        });
+    /// Holds a frame's pose from here on, if later poses can be predicted from it. `session`: what the frame is about.
+    ///
+    /// # Errors
+    /// If the camera's size does not fit a packet.
+    pub fn hold(
+        &mut self,
+        frame: u32,
+        latent: &Latent,
+        session: &Session,
+    ) -> Result<(), PacketError> {
+        match latent.pose.short() {
+            Some(pose) => self.put(HeldPose { frame, pose, session: session.check()? }),
+            None => self.forget(frame),
+        }
+        Ok(())
     }
 
     fn put(&mut self, pose: HeldPose) {
@@ -98,17 +79,22 @@ impl HeldPoses {
         }
     }
 
-    /// A packet in the predicted form could not be read. What is held under its number is not its pose. If its check
+    /// A packet with a predicted pose could not be read. What is held under its number is not its pose. If its check
     /// does not match, the vehicle means other poses than those that it is predicted from: it has begun anew.
     pub(crate) fn refuse(&mut self, packet: &[u8], error: &PacketError) {
-        let Ok(Stated { frame, distance, base, .. }) = Stated::read(packet) else { return };
-        let frame = nearest_frame(frame, PREDICTED_FRAMES, self.last);
+        let Ok(Layout { frame, stated: Some(stated), .. }) = Layout::read(packet) else { return };
+        let frame = self.nearest(frame);
         self.forget(frame);
         if *error == PacketError::Check(Part::Latent) {
-            let reference = frame.wrapping_sub(distance);
+            let reference = frame.wrapping_sub(stated.distance);
             self.forget(reference);
-            self.forget(reference.wrapping_sub(base));
+            self.forget(reference.wrapping_sub(stated.base));
         }
+    }
+
+    /// Completes the 16 bits of a frame number.
+    fn nearest(&self, frame: u32) -> u32 {
+        nearest_frame(frame, Latent::FRAMES, self.last)
     }
 
     /// Forgets all.
@@ -132,15 +118,17 @@ impl HeldPoses {
         (pose.frame as u16 == frame as u16).then_some(pose)
     }
 
-    /// Gives the latent part of a frame the predicted form, from the poses that are held of the same session. `None`:
-    /// the short form takes as few bytes.
-    pub fn predict(&self, frame: u32, latent: &Latent, session: u32) -> Option<Latent> {
+    /// A frame's latent part with its pose stated as what it differs by from poses that are held of the same session.
+    /// `session`: its [`Session::check`]. `None`: by itself the pose takes as few bytes.
+    pub fn predict(&self, latent: &Latent, session: u32) -> Option<Latent> {
         let pose = latent.pose.short()?;
         let mut best: Option<Prediction> = None;
         for distance in 1..=FARTHEST {
             for base in 0..=LONGEST_BASE {
-                let Some((from, reference)) = self.from(frame, distance, base) else { continue };
-                if reference.check != session {
+                let Some((from, reference)) = self.from(latent.frame, distance, base) else {
+                    continue;
+                };
+                if reference.session != session {
                     break;
                 }
                 let Some(prediction) = Prediction::of(&pose, &from) else { continue };
@@ -149,10 +137,8 @@ impl HeldPoses {
                 }
             }
         }
-        let predicted = Some(best?);
-        let latent = Latent { predicted, ..*latent };
-        (latent.encoded_len() < Latent { predicted: None, ..latent }.encoded_len())
-            .then_some(latent)
+        let predicted = Latent { predicted: Some(best?), ..*latent };
+        (predicted.encoded_len() < latent.encoded_len()).then_some(predicted)
     }
 
     /// Where a frame's pose is predicted from; `None`: not all of it is held, or it is of several sessions.
@@ -163,15 +149,13 @@ impl HeldPoses {
             _ => Some(self.get(reference.frame.wrapping_sub(base))?),
         };
         let is_other = |before: &HeldPose| {
-            before.check != reference.check || before.pose.largest != reference.pose.largest
+            before.session != reference.session || before.pose.largest != reference.pose.largest
         };
         if before.is_some_and(is_other) {
             return None;
         }
         let mut hasher = crc32fast::Hasher::new();
-        // A topside may not know more of the number.
-        hasher.update(&(frame as u16).to_le_bytes());
-        hasher.update(&reference.check.to_le_bytes());
+        hasher.update(&reference.session.to_le_bytes());
         for pose in [Some(reference), before].into_iter().flatten().map(|held| held.pose) {
             for number in pose.centre.iter().chain(&pose.small) {
                 hasher.update(&number.to_le_bytes());
@@ -183,32 +167,54 @@ impl HeldPoses {
         Some((From { distance, reference: reference.pose, base, before, context }, reference))
     }
 
-    /// Reads the latent part of a packet in any form.
+    /// Reads the latent part of a packet.
     ///
     /// # Errors
     /// If it is damaged, or what its pose is predicted from is not held.
     pub fn latent(&self, packet: &[u8]) -> Result<Latent, PacketError> {
-        match is_predicted(packet) {
-            true => self.read(packet).map(|(latent, _, _)| latent),
-            false => Latent::decode(packet),
+        self.read(packet).map(|read| read.latent)
+    }
+
+    /// Reads the latent part of a packet, and tells where it ends.
+    ///
+    /// # Errors
+    /// [`PacketError::PoseNotHeld`] if what its pose is predicted from is not held.
+    pub(super) fn read(&self, bytes: &[u8]) -> Result<Read, PacketError> {
+        let layout = Layout::read(bytes)?;
+        match (layout.head.pose, &layout.stated) {
+            (PoseKind::Absolute(profile), _) => layout.absolute(bytes, profile),
+            (PoseKind::Predicted, Some(stated)) => self.predicted(&layout, stated, bytes),
+            (PoseKind::Predicted, None) => Err(PacketError::Pose),
         }
     }
 
-    /// Reads a latent part in the predicted form. Returns it as if it had the form of its reference, what follows it,
-    /// and its length.
+    fn predicted(
+        &self,
+        layout: &Layout,
+        stated: &Stated,
+        bytes: &[u8],
+    ) -> Result<Read, PacketError> {
+        let frame = self.nearest(layout.frame);
+        let reference = frame.wrapping_sub(stated.distance);
+        let from = self.from(frame, stated.distance, stated.base);
+        let (from, held) = from.ok_or(PacketError::PoseNotHeld { frame, reference })?;
+        if !layout.matches(bytes, Some(from.context)) {
+            return Err(PacketError::Check(Part::Latent));
+        }
+        layout.head.check()?;
+        let (pose, tag) = (stated.pose(&from)?, held.session as u16);
+        let super::head::Head { uncertain, portable, .. } = layout.head;
+        let latent = Latent { frame, tag, pose, uncertain, portable, predicted: None };
+        Ok(Read { latent, head: layout.head, len: layout.len })
+    }
+}
+
+impl Latent {
+    /// Reads the latent part at the start of `bytes`, and nothing after it.
     ///
     /// # Errors
-    /// [`PacketError::PoseNotHeld`] if what it is predicted from is not held.
-    pub(super) fn read(&self, bytes: &[u8]) -> Result<(Latent, Follows, usize), PacketError> {
-        let stated = Stated::read(bytes)?;
-        let frame = nearest_frame(stated.frame, PREDICTED_FRAMES, self.last);
-        let from = self.from(frame, stated.distance, stated.base);
-        let reference = frame.wrapping_sub(stated.distance) % Latent::FRAMES;
-        let (from, held) = from.ok_or(PacketError::PoseNotHeld { frame, reference })?;
-        let pose = stated.pose(&from)?;
-        let HeldPose { session, update, portable, .. } = *held;
-        let latent =
-            Latent { frame, session, update, pose, uncertain: false, portable, predicted: None };
-        Ok((latent, stated.follows, stated.len))
+    /// If it is damaged, or states a predicted pose.
+    pub fn decode(bytes: &[u8]) -> Result<Latent, PacketError> {
+        HeldPoses::default().latent(bytes)
     }
 }

@@ -1,80 +1,152 @@
 //! A packet that was read, without its bytes: so it may be kept beside them, and is read once.
 
-use std::ops::Range;
+use super::error::PacketError;
+use super::head::PoseKind;
+use super::held::HeldPoses;
+use super::latent::{Latent, Layout, Read};
+use super::render::{self, RenderCheck};
+use super::residual::{Found, Residual, ResidualStart};
+use super::session::{self, Session};
 
-use super::{HeldPoses, Packet, PacketError, Part, Residual, ResidualStart, Salvage, truth};
-
-/// What [`Packet::salvage`] found in some bytes. [`Parsed::of`] those bytes it is the same again, at no cost.
+/// What a packet holds, and where: all that is valid in it, and why the rest is not.
 #[derive(Clone, Debug)]
 pub struct Parsed {
-    /// The payloads in it are empty.
-    salvage: Salvage<'static>,
-    /// Where the residual's payload lies.
-    payload: Range<usize>,
-    /// Where the payload of its start lies.
-    start: Range<usize>,
-    /// Where the truth map lies.
-    truth: Option<Range<usize>>,
+    read: Read,
+    session: Result<Option<Session>, PacketError>,
+    render: Result<Option<RenderCheck>, PacketError>,
+    found: Found,
 }
 
 impl Parsed {
     /// Reads what is valid in a truncated or damaged packet.
     ///
     /// # Errors
-    /// If the latent part is not valid, or predicted from a pose: the packet is then of no use.
+    /// If the latent part is not valid, or its pose is predicted: the packet is then of no use.
     pub fn of(bytes: &[u8]) -> Result<Parsed, PacketError> {
         Parsed::with(bytes, &HeldPoses::default())
     }
 
     /// As [`Parsed::of`], with the poses that the packet's may be predicted from.
     pub fn with(bytes: &[u8], held: &HeldPoses) -> Result<Parsed, PacketError> {
-        let Salvage { latent, camera, render, residual, residual_start, truth } =
-            Packet::salvage_with(bytes, held)?;
-        let payload = residual.as_ref().map_or(&[][..], Residual::payload);
-        let start = residual_start.map_or(&[][..], |start| start.payload);
-        let (payload, start) = (range_in(bytes, payload), range_in(bytes, start));
-        let residual = residual.map(|residual| residual.with_payload(&[]));
-        let residual_start = residual_start.map(|start| ResidualStart { payload: &[], ..start });
-        // A map that the flags alone tell lies nowhere.
-        let told = truth.filter(|truth| *truth == truth::ALL_SEEN).map(|_| truth::ALL_SEEN);
-        let truth = if told.is_some() { None } else { truth.map(|part| range_in(bytes, part)) };
-        let salvage = Salvage { latent, camera, render, residual, residual_start, truth: told };
-        Ok(Parsed { salvage, payload, start, truth })
+        Ok(Parsed::behind(held.read(bytes)?, bytes))
     }
 
-    /// What was found, without payloads.
-    pub fn parts(&self) -> &Salvage<'static> {
-        &self.salvage
+    /// Reads the parts behind a latent part. The first two have fixed lengths, so damage in them does not hide those
+    /// after them.
+    fn behind(read: Read, bytes: &[u8]) -> Parsed {
+        let Read { latent, head, len } = read;
+        let rest = |at: usize| bytes.get(at..).unwrap_or(&[]);
+        let mut at = len;
+        let session =
+            if head.session { Session::read(rest(at), latent.tag).map(Some) } else { Ok(None) };
+        at += if head.session { session::LEN } else { 0 };
+        let render =
+            if head.render { render::decode(rest(at), &bytes[..len]).map(Some) } else { Ok(None) };
+        at += if head.render { render::LEN } else { 0 };
+        let found = Found::read(&head, bytes, len, at);
+        Parsed { read, session, render, found }
     }
 
-    /// What was found in `bytes`, which it was read from; they may have lost padding since.
-    pub(crate) fn salvage<'a>(&self, bytes: &'a [u8]) -> Salvage<'a> {
-        let Salvage { latent, camera, render, residual, residual_start, truth } =
-            self.salvage.clone();
-        Salvage {
-            latent,
-            camera,
-            render,
-            residual: residual.and_then(|residual| {
-                let (needed, found) = (self.payload.end, bytes.len());
-                let cut = PacketError::TooShort { part: Part::Residual, needed, found };
-                let payload = bytes.get(self.payload.clone()).ok_or(cut)?;
-                Ok(residual.with_payload(payload))
-            }),
-            residual_start: residual_start.map(|start| {
-                let end = self.start.end.min(bytes.len());
-                ResidualStart { payload: &bytes[self.start.start.min(end)..end], ..start }
-            }),
-            truth: truth.or_else(|| bytes.get(self.truth.clone()?)),
-        }
+    /// The latent part: valid, or there would be nothing.
+    pub fn latent(&self) -> &Latent {
+        &self.read.latent
+    }
+
+    /// Length of the latent part, bytes.
+    pub fn latent_len(&self) -> usize {
+        self.read.len
+    }
+
+    /// The session part; `None` if none was sent.
+    pub fn session(&self) -> &Result<Option<Session>, PacketError> {
+        &self.session
+    }
+
+    /// The render part; `None` if none was sent.
+    pub fn render(&self) -> &Result<Option<RenderCheck>, PacketError> {
+        &self.render
+    }
+
+    /// The residual, of the bytes that it was read from.
+    pub fn residual<'a>(&self, bytes: &'a [u8]) -> Result<Residual<'a>, PacketError> {
+        self.found.residual(&self.read.head, bytes)
+    }
+
+    /// What there is of the residual if its check does not match. Use it only if the bytes are known to be the
+    /// undamaged start of a packet.
+    pub fn start<'a>(&self, bytes: &'a [u8]) -> Option<ResidualStart<'a>> {
+        self.found.start(&self.read.head, bytes)
+    }
+
+    /// The truth map; `None`: none was sent, or it is missing in part. If the residual is damaged, it is as reliable as
+    /// [`Parsed::start`].
+    pub fn truth<'a>(&self, bytes: &'a [u8]) -> Option<&'a [u8]> {
+        self.found.truth(&self.read.head, bytes)
+    }
+
+    /// Whether the residual is one of a stream.
+    pub fn is_in_stream(&self) -> bool {
+        use super::head::Kind;
+        matches!(self.read.head.kind, Kind::Stream | Kind::Inter)
     }
 }
 
-/// Where a part of some bytes lies in them.
-fn range_in(bytes: &[u8], part: &[u8]) -> Range<usize> {
-    if part.is_empty() {
-        return 0..0;
+/// What the start of a packet says of the whole packet. Only the checks that need neither prior, camera nor poses are
+/// tested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Frame number, as the packet states it: modulo 2¹⁶.
+    pub frame: u32,
+    /// Length of the latent part, bytes.
+    pub latent: usize,
+    /// Bytes before the residual part. They make a picture.
+    pub head: usize,
+    /// Bytes after them up to the end of the truth map; 0: there is none, or not all of it is there.
+    pub told: usize,
+    /// Whether a residual part follows.
+    pub has_content: bool,
+    /// Bytes at the start that the packet's own checks vouch for: the latent part, perhaps with the fixed parts behind
+    /// it, or all of the packet. Of a predicted pose, whose check needs other poses, the latent part counts if it can
+    /// be read.
+    pub valid: usize,
+    /// Length of the packet without padding, if all of it is there: its checks match.
+    pub whole: Option<usize>,
+}
+
+impl Extent {
+    /// Reads the first bytes of a packet.
+    ///
+    /// # Errors
+    /// If the latent part is not all there or not valid, as far as that can be told.
+    pub fn read(start: &[u8]) -> Result<Extent, PacketError> {
+        let layout = Layout::read(start)?;
+        if let PoseKind::Absolute(profile) = layout.head.pose {
+            layout.absolute(start, profile)?;
+        }
+        let Layout { head, frame, len: latent, .. } = layout;
+        let mut valid = latent;
+        let mut at = latent;
+        let rest = |at: usize| start.get(at..).unwrap_or(&[]);
+        if head.session {
+            at += session::LEN;
+            if session::is_whole(rest(latent)) {
+                valid = at;
+            }
+        }
+        if head.render {
+            let is_whole = render::decode(rest(at), &start[..latent]).is_ok();
+            let before = at;
+            at += render::LEN;
+            if is_whole && valid == before {
+                valid = at;
+            }
+        }
+        let found = Found::read(&head, start, latent, at);
+        let all_before = valid == at;
+        let whole = (all_before && found.checked.is_ok()).then(|| found.end(at));
+        let told = found.truth.as_ref().map_or(0, |map| map.end - at);
+        let has_content = head.has_content();
+        let valid = whole.unwrap_or(valid);
+        Ok(Extent { frame, latent, head: at, told, has_content, valid, whole })
     }
-    let start = part.as_ptr().addr() - bytes.as_ptr().addr();
-    start..start + part.len()
 }

@@ -7,14 +7,14 @@
 //! quaternion's sign makes the largest component positive. A rotation is off by at most 2·10⁻⁵ rad,
 //! a centre by half a step per axis.
 //!
-//! **Short**, 12 bytes: the compact code on a coarser grid, for the short form of the latent part ([`latent`](super)).
+//! **Short**, 12 bytes: the compact code on a coarser grid.
 //! First the centre: three signed 16-bit numbers in steps of 32 compact steps. They reach 8 units. Then the rotation in
 //! 48 bits: the top bit is zero, two bits name the largest component, and the others follow, 15 bits each, in steps of
 //! 8 compact steps, as `16384 + k`, at most 32767. It costs the render less than 0.01 dB. A pose beyond its reach takes
 //! the compact code.
 //!
-//! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper.
-//! Also used if a pose's centre lies beyond the compact code's reach.
+//! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper. It is for
+//! comparisons, and no part of the format: a pose beyond the reach of the compact code has no packet.
 
 use std::f64::consts::SQRT_2;
 
@@ -43,6 +43,8 @@ const SHORT_SMALL: std::ops::RangeInclusive<i32> = -SHORT_SMALL_MAX - 1..=SHORT_
 const SHORT_SMALL_BITS: u32 = SHORT_SMALL_MAX.ilog2() + 2;
 /// Bytes of the short code.
 pub(super) const SHORT_LEN: usize = 12;
+/// Bytes of the compact code.
+pub(super) const COMPACT_LEN: usize = 16;
 /// Bytes of the longest profile.
 pub(super) const LONGEST: usize = 28;
 /// More rounds than quantisation needs to settle; see [`QuantisedPose::quantise`].
@@ -56,30 +58,11 @@ pub enum PoseProfile {
     Compact,
     /// 28 bytes: seven f32.
     Paper,
-    /// 12 bytes in the short form of the latent part. In the full form it is written as
-    /// [`PoseProfile::Compact`], on the short code's grid.
+    /// 12 bytes, relative to the prior.
     Short,
 }
 
 impl PoseProfile {
-    /// The profile's number in the flags. One flipped bit makes no other number that fits the
-    /// version. That matters because the profile sets how many bytes the check covers.
-    pub(super) fn code(self) -> u8 {
-        match self {
-            PoseProfile::Compact => 0b01,
-            PoseProfile::Paper => 0b10,
-            PoseProfile::Short => 0b11,
-        }
-    }
-
-    /// The profile of a code in the full form.
-    pub(super) fn of_code(code: u8) -> Result<PoseProfile, PacketError> {
-        [PoseProfile::Compact, PoseProfile::Paper]
-            .into_iter()
-            .find(|profile| profile.code() == code)
-            .ok_or(PacketError::Profile(code))
-    }
-
     /// The profile as the device knows it.
     pub fn word(self) -> u32 {
         match self {
@@ -92,7 +75,7 @@ impl PoseProfile {
     /// Bytes that a pose takes.
     pub fn encoded_len(self) -> usize {
         match self {
-            PoseProfile::Compact => 16,
+            PoseProfile::Compact => COMPACT_LEN,
             PoseProfile::Paper => LONGEST,
             PoseProfile::Short => SHORT_LEN,
         }
@@ -120,8 +103,8 @@ enum Code {
 }
 
 impl QuantisedPose {
-    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Short`], takes
-    /// [`PoseProfile::Compact`]; if it is beyond the reach of that, takes [`PoseProfile::Paper`].
+    /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Short`], takes [`PoseProfile::Compact`];
+    /// if it is beyond the reach of that, takes [`PoseProfile::Paper`], which only packets for comparisons hold.
     ///
     /// Quantising what [`QuantisedPose::dequantise`] gives returns the same code. Plain rounding
     /// does not guarantee that: if two components of a quaternion are nearly equal, rounding may
@@ -222,7 +205,12 @@ impl QuantisedPose {
         reached.then_some(ShortCode { centre, largest, small })
     }
 
-    /// How it is written in the full form.
+    /// The profile that a packet states it in: the short one, if it can hold it.
+    pub fn written_as(&self) -> PoseProfile {
+        if self.is_short() { PoseProfile::Short } else { self.profile() }
+    }
+
+    /// [`PoseProfile::Compact`] or [`PoseProfile::Paper`].
     pub fn profile(&self) -> PoseProfile {
         match self.0 {
             Code::Compact { .. } => PoseProfile::Compact,
@@ -230,20 +218,18 @@ impl QuantisedPose {
         }
     }
 
-    /// Appends the short code's bytes. `None` if it cannot hold the pose.
-    pub(super) fn write_short(&self, bytes: &mut Vec<u8>) -> Option<()> {
-        let ShortCode { centre, largest, small } = self.short()?;
+    fn write_short(short: &ShortCode, bytes: &mut Vec<u8>) {
+        let ShortCode { centre, largest, small } = *short;
         centre.iter().for_each(|v| bytes.extend_from_slice(&(*v as i16).to_le_bytes()));
         let zero = SHORT_SMALL_MAX + 1;
         let rotation = small
             .iter()
             .fold(largest as u64, |bits, v| bits << SHORT_SMALL_BITS | (v + zero) as u64);
         bytes.extend_from_slice(&rotation.to_le_bytes()[..SHORT_LEN - 6]);
-        Some(())
     }
 
     /// Takes the short code's bytes. All of them are taken, even if they are refused.
-    pub(super) fn read_short(reader: &mut Reader) -> Result<QuantisedPose, PacketError> {
+    fn read_short(reader: &mut Reader) -> Result<QuantisedPose, PacketError> {
         let centre = [(); 3].map(|()| i32::from(i16::from_le_bytes(reader.take())));
         let [a, b, c, d, e, f] = reader.take();
         let bits = u64::from_le_bytes([a, b, c, d, e, f, 0, 0]);
@@ -273,7 +259,11 @@ impl QuantisedPose {
         if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
 
+    /// Appends its bytes, as [`QuantisedPose::written_as`] says.
     pub(super) fn write(&self, bytes: &mut Vec<u8>) {
+        if let Some(short) = self.short() {
+            return QuantisedPose::write_short(&short, bytes);
+        }
         bytes.extend_from_slice(&self.bytes()[..self.profile().encoded_len()]);
     }
 
@@ -305,7 +295,8 @@ impl QuantisedPose {
         profile: PoseProfile,
     ) -> Result<QuantisedPose, PacketError> {
         let code = match profile {
-            PoseProfile::Compact | PoseProfile::Short => {
+            PoseProfile::Short => return QuantisedPose::read_short(reader),
+            PoseProfile::Compact => {
                 // Shifting up and down again extends the sign of 24 bits.
                 let centre = [(); 3].map(|()| (from_u24(reader.take()) as i32) << 8 >> 8);
                 let [a, b, c, d, e, f, g] = reader.take();

@@ -1,20 +1,9 @@
-//! The predicted form of a latent part: the pose as what it differs by from one that both sides compute from poses that
-//! the topside holds. All in integers, so that both sides have the same bits.
+//! A predicted pose: what it differs by from one that both sides compute from poses that the topside holds. All in
+//! integers, so that both sides have the same bits.
 
-use super::bytes::crc16;
 use super::error::{PacketError, Part};
-use super::form::{Follows, PREDICTED_FRAMES, WHOLE};
 use super::pose::{QuantisedPose, ShortCode};
-use super::residual;
 use crate::search::{SHORT_CENTRE_MAX, SHORT_SMALL_MAX, SHORT_SMALL_STEPS, SMALL_ZERO};
-
-/// High four bits of the first byte. It differs in two bits from that of the other forms, and a share begins with it
-/// as with theirs.
-const MAGIC: u8 = 0x8;
-/// Bytes in front of the pose.
-const HEAD: usize = 2;
-/// Bytes of the check.
-const CHECK: usize = 2;
 
 /// Frames between a frame and its reference at most.
 pub(crate) const FARTHEST: u32 = 1 << DISTANCE_BITS;
@@ -25,34 +14,29 @@ const BASE_BITS: u32 = 3;
 /// Bits that select the Rice parameter of three numbers, and the least parameter.
 const SCALE_BITS: u32 = 3;
 const LEAST_PARAMETER: u32 = 2;
-/// Most bytes of a pose. A longer one has the short form, which then has no more bytes.
+/// Most bytes of a pose. A longer one is stated by itself, which then takes no more bytes.
 const LONGEST: usize = 14;
 
-/// A pose as the predicted form writes it.
+/// A predicted pose as it is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Prediction {
     code: PoseBits,
     /// Check of all that both sides must agree in.
-    context: u32,
+    pub(super) context: u32,
 }
 
 impl Prediction {
-    /// Bytes of the latent part.
-    pub(super) fn latent_len(&self) -> usize {
-        HEAD + self.code.len() + CHECK
+    /// Bytes of the pose.
+    pub(super) fn len(&self) -> usize {
+        self.code.len()
     }
 
-    /// Appends the latent part.
-    pub(super) fn write(&self, follows: &Follows, frame: u32, bytes: &mut Vec<u8>) {
-        let first = MAGIC << 4 | follows.residual;
-        let number = WHOLE | (frame % PREDICTED_FRAMES) as u8;
-        bytes.extend_from_slice(&[first, number]);
-        bytes.extend(self.code.bytes());
-        let check = check(self.context, first, &bytes[HEAD..]);
-        bytes.extend_from_slice(&check.to_le_bytes());
+    /// These bytes.
+    pub(super) fn bytes(&self) -> impl Iterator<Item = u8> {
+        self.code.bytes()
     }
 
-    /// How a pose is stated as what it differs by from its prediction; `None`: it takes more than the short form.
+    /// How a pose is stated as what it differs by from its prediction; `None`: it takes more than by itself.
     pub(super) fn of(pose: &ShortCode, from: &From) -> Option<Prediction> {
         let predicted = from.predict()?;
         if predicted.largest != pose.largest {
@@ -225,47 +209,19 @@ fn best_scale(part: &[i32]) -> u32 {
     (0..1 << SCALE_BITS).min_by_key(cost).unwrap_or(0)
 }
 
-/// A latent part in the predicted form, as far as it can be read without the poses that are held.
+/// A predicted pose as a packet states it. It can be read without the poses that are held.
 pub(super) struct Stated {
-    /// The frame number, modulo 2⁷.
-    pub frame: u32,
     pub distance: u32,
     pub base: u32,
     offsets: Offsets,
-    pub follows: Follows,
-    /// Length of the part, bytes.
-    pub len: usize,
-    /// First byte, pose and check.
-    first: u8,
-    code: PoseBits,
-    check: u16,
-}
-
-/// Whether bytes begin as a packet in the predicted form.
-pub(crate) fn is_predicted(bytes: &[u8]) -> bool {
-    bytes.first().is_some_and(|first| first >> 4 == MAGIC)
-}
-
-/// Marks a packet in the predicted form: it ends where its bytes end.
-pub(crate) fn mark_whole(packet: &mut [u8]) {
-    packet[1] |= WHOLE;
+    /// Where it ends in the packet.
+    pub end: usize,
 }
 
 impl Stated {
-    /// Reads the part at the start of a packet.
-    pub fn read(bytes: &[u8]) -> Result<Stated, PacketError> {
-        let found = bytes.len();
-        let short = |needed| PacketError::TooShort { part: Part::Latent, needed, found };
-        let [first, number, ..] = *bytes else { return Err(short(HEAD + CHECK)) };
-        if first >> 4 != MAGIC {
-            return Err(PacketError::Magic(first));
-        }
-        let follows = Follows { camera: false, render: false, residual: first & 0xF };
-        if !residual::may_be_predicted(follows.residual) {
-            // Nothing vouches for the byte: it may be of anything.
-            return Err(PacketError::Magic(first));
-        }
-        let mut reader = BitReader { bytes: &bytes[HEAD..], at: 0 };
+    /// Reads the pose that begins at byte `at` of a packet.
+    pub fn read(packet: &[u8], at: usize) -> Result<Stated, PacketError> {
+        let mut reader = BitReader { bytes: packet, from: at, at: 0 };
         let distance = reader.take(DISTANCE_BITS)? + 1;
         let base = reader.take(BASE_BITS)?;
         let scales = [reader.take(SCALE_BITS)?, reader.take(SCALE_BITS)?];
@@ -273,45 +229,26 @@ impl Stated {
         for (i, offset) in offsets.iter_mut().enumerate() {
             *offset = reader.take_number(scales[i / 3] + LEAST_PARAMETER)?;
         }
-        let end = HEAD + reader.at.div_ceil(8) as usize;
         // Padding is zero: each pose has one code.
         if reader.take_padding()? != 0 {
             return Err(PacketError::Check(Part::Latent));
         }
-        let code = PoseBits::write(distance, base, &offsets).ok_or(PacketError::Pose)?;
-        let check = bytes.get(end..end + CHECK).ok_or(short(end + CHECK))?;
-        Ok(Stated {
-            frame: u32::from(number) % PREDICTED_FRAMES,
-            distance,
-            base,
-            offsets: Offsets(offsets),
-            follows,
-            len: end + CHECK,
-            first,
-            code,
-            check: u16::from_le_bytes([check[0], check[1]]),
-        })
+        let end = at + reader.at as usize / 8;
+        Ok(Stated { distance, base, offsets: Offsets(offsets), end })
     }
 
-    /// The pose, if the check matches.
+    /// The pose.
     pub fn pose(&self, from: &From) -> Result<QuantisedPose, PacketError> {
-        let code: [u8; 16] = self.code.bits.to_be_bytes();
-        if check(from.context, self.first, &code[..self.code.len()]) != self.check {
-            return Err(PacketError::Check(Part::Latent));
-        }
         let predicted = from.predict().ok_or(PacketError::Pose)?;
         QuantisedPose::of_short(&self.offsets.add_to(&predicted))
     }
 }
 
-/// The check of a latent part.
-fn check(context: u32, first: u8, code: &[u8]) -> u16 {
-    crc16(&[&context.to_le_bytes(), &[first], code])
-}
-
 /// Takes bits, the highest of each byte first.
 struct BitReader<'a> {
     bytes: &'a [u8],
+    /// The byte with which they begin.
+    from: usize,
     at: u32,
 }
 
@@ -324,9 +261,9 @@ impl BitReader<'_> {
         if self.at >= 8 * LONGEST as u32 {
             return Err(PacketError::Pose);
         }
-        let (needed, found) = (HEAD + self.at as usize / 8 + 1, HEAD + self.bytes.len());
-        let short = PacketError::TooShort { part: Part::Latent, needed, found };
-        let byte = self.bytes.get(self.at as usize / 8).ok_or(short)?;
+        let (place, found) = (self.from + self.at as usize / 8, self.bytes.len());
+        let short = PacketError::TooShort { part: Part::Latent, needed: place + 1, found };
+        let byte = self.bytes.get(place).ok_or(short)?;
         let bit = byte >> (7 - self.at % 8) & 1;
         self.at += 1;
         Ok(bit.into())

@@ -1,6 +1,6 @@
 //! What a vehicle knows of the poses that its topside holds.
 
-use super::{HeldPoses, Latent};
+use super::{HeldPoses, Latent, PacketError, Session};
 
 /// After so many predicted poses one is stated, for a topside that lacks what the others are predicted from.
 const STATED_EVERY: u32 = 16;
@@ -28,20 +28,24 @@ impl SentPoses {
         }
     }
 
-    /// The latent part of a frame: in the predicted form if the topside can read that, and it takes fewer bytes.
-    /// `session`: its [`session_check`](super::session_check).
-    pub fn predicted(&self, frame: u32, latent: &Latent, session: u32) -> Latent {
+    /// The latent part of a frame: with a predicted pose if the topside can read that, and it takes fewer bytes.
+    /// `session`: what the frame is about.
+    pub fn predicted(&self, latent: &Latent, session: &Session) -> Result<Latent, PacketError> {
         let due = self.since_stated >= STATED_EVERY;
-        let predicted = || self.held.predict(frame, latent, session);
-        (!due).then(predicted).flatten().unwrap_or(*latent)
+        let session = session.check()?;
+        let predicted = (!due).then(|| self.held.predict(latent, session)).flatten();
+        Ok(predicted.unwrap_or(*latent))
     }
 
     /// A frame was sent.
-    pub fn add(&mut self, frame: u32, latent: &Latent, session: u32) {
-        self.since_stated = if latent.is_predicted() { self.since_stated + 1 } else { 0 };
+    ///
+    /// # Errors
+    /// If the camera's size does not fit a packet.
+    pub fn add(&mut self, latent: &Latent, session: &Session) -> Result<(), PacketError> {
+        self.since_stated = if latent.predicted.is_some() { self.since_stated + 1 } else { 0 };
         // What the topside held of this number is another frame's.
-        self.held.forget(frame);
-        self.sent.hold(frame, latent, session);
+        self.held.forget(latent.frame);
+        self.sent.hold(latent.frame, latent, session)
     }
 
     /// The topside is not known to hold any.

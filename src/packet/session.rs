@@ -1,72 +1,96 @@
-//! What a latent part is about: the prior and the camera, stated in full or by a tag.
+//! What packets are about: the prior and the camera. A packet names both by a tag of 16 bits, and states them in full
+//! in its session part, now and then.
 
 use crate::Camera;
 use crate::prior::PriorId;
 
-use super::PacketError;
-use super::bytes::crc16;
-use super::camera_tag::{camera_tag, intrinsics, size_bytes};
+use super::bytes::{Reader, crc16, from_u24, to_u24};
+use super::{PacketError, Part};
 
-/// What a latent part is about, and how it says so.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Session {
-    /// The full form: any topside that holds the prior and the camera can tell.
-    Stated {
-        /// The prior to render.
-        prior: PriorId,
-        /// Picture width, pixels.
-        width: u32,
-        /// Picture height, pixels.
-        height: u32,
-        /// [`camera_tag`] of the camera to render with.
-        camera_tag: u8,
-    },
-    /// The short form: the [`session_tag`] of prior and camera. Packets in the full form have stated both.
-    Tagged(u8),
+/// Length of the session part, bytes.
+pub(super) const LEN: usize = 25;
+
+/// A prior and a camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Session {
+    /// The prior to render.
+    pub prior: PriorId,
+    /// The camera to render with.
+    pub camera: Camera,
 }
 
 impl Session {
-    /// Stated in full.
-    pub fn stated(prior: PriorId, camera: &Camera) -> Result<Session, PacketError> {
-        let Camera { width, height, .. } = *camera;
-        Ok(Session::Stated { prior, width, height, camera_tag: camera_tag(camera)? })
+    /// What distinguishes it from others: the CRC-32 of the prior id, the size and fx, fy, cx, cy, as the session part
+    /// holds them.
+    ///
+    /// # Errors
+    /// If the camera's size does not fit a packet.
+    pub fn check(&self) -> Result<u32, PacketError> {
+        Ok(crc32fast::hash(&self.fields()?))
     }
 
-    /// Names the session by its tag.
-    pub fn tagged(prior: PriorId, camera: &Camera) -> Result<Session, PacketError> {
-        session_tag(prior, camera).map(Session::Tagged)
+    /// The low 16 bits of [`Session::check`], by which packets name it. Two sessions share a tag with a chance of 1 in
+    /// 65,536.
+    ///
+    /// # Errors
+    /// As for [`Session::check`].
+    pub fn tag(&self) -> Result<u16, PacketError> {
+        Ok(self.check()? as u16)
     }
 
-    /// Checks that it is about a prior and a camera.
-    pub fn check(&self, held: PriorId, camera: &Camera) -> Result<(), PacketError> {
-        match *self {
-            Session::Stated { prior, width, height, camera_tag: expected } => {
-                if prior != held {
-                    return Err(PacketError::Prior { packet: prior, held });
-                }
-                let found = camera_tag(camera)?;
-                if found != expected || (camera.width, camera.height) != (width, height) {
-                    return Err(PacketError::CameraTag { expected, found });
-                }
-            }
-            Session::Tagged(packet) => {
-                let found = session_tag(held, camera)?;
-                if found != packet {
-                    return Err(PacketError::SessionTag { packet, found });
-                }
-            }
+    fn fields(&self) -> Result<[u8; LEN - 2], PacketError> {
+        let Camera { width, height, fx, fy, cx, cy } = self.camera;
+        let mut fields = [0; LEN - 2];
+        fields[..4].copy_from_slice(&self.prior.to_bytes());
+        fields[4..7].copy_from_slice(&size_bytes(width, height)?);
+        for (slot, value) in fields[7..].chunks_exact_mut(4).zip([fx, fy, cx, cy]) {
+            slot.copy_from_slice(&value.to_le_bytes());
         }
+        Ok(fields)
+    }
+
+    /// Appends the session part.
+    pub(super) fn write(&self, bytes: &mut Vec<u8>) -> Result<(), PacketError> {
+        self.camera.check()?;
+        let fields = self.fields()?;
+        bytes.extend_from_slice(&fields);
+        bytes.extend_from_slice(&crc16(&[&fields]).to_le_bytes());
         Ok(())
+    }
+
+    /// Reads the session part of a packet that names it by a tag.
+    pub(super) fn read(bytes: &[u8], tag: u16) -> Result<Session, PacketError> {
+        let mut reader = Reader::new(bytes, Part::Session, LEN)?;
+        let prior = PriorId::from_bytes(reader.take());
+        let size = from_u24(reader.take());
+        let [fx, fy, cx, cy] = [(); 4].map(|()| f32::from_le_bytes(reader.take()));
+        if crc16(&[reader.taken()]) != u16::from_le_bytes(reader.take()) {
+            return Err(PacketError::Check(Part::Session));
+        }
+        let (width, height) = ((size & 0xFFF) + 1, (size >> 12) + 1);
+        let session = Session { prior, camera: Camera { width, height, fx, fy, cx, cy } };
+        let found = session.tag()?;
+        if found != tag {
+            return Err(PacketError::SessionTag { packet: tag, found });
+        }
+        session.camera.check()?;
+        Ok(session)
     }
 }
 
-/// Names prior and camera in the short form: the low byte of a CRC-16/IBM-3740 of the prior id, the
-/// size as the full form holds it, and fx, fy, cx, cy. Two sessions share a tag with a chance of 1
-/// in 256.
-///
-/// # Errors
-/// If the camera's size does not fit a packet.
-pub fn session_tag(prior: PriorId, camera: &Camera) -> Result<u8, PacketError> {
-    let size = size_bytes(camera.width, camera.height)?;
-    Ok(crc16(&[&prior.to_bytes(), &size, &intrinsics(camera)]) as u8)
+/// A picture size as the session part holds it.
+fn size_bytes(width: u32, height: u32) -> Result<[u8; 3], PacketError> {
+    let sides = 1..=Camera::MAX_SIDE;
+    if !sides.contains(&width) || !sides.contains(&height) {
+        return Err(PacketError::Size { width, height });
+    }
+    Ok(to_u24((width - 1) | (height - 1) << 12))
+}
+
+/// Whether bytes begin with a session part whose check matches.
+pub(super) fn is_whole(bytes: &[u8]) -> bool {
+    bytes
+        .get(..LEN)
+        .and_then(|part| part.split_last_chunk())
+        .is_some_and(|(fields, check)| crc16(&[fields]).to_le_bytes() == *check)
 }

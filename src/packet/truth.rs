@@ -2,12 +2,10 @@
 
 /// The map by which all of the picture is as seen.
 pub const ALL_SEEN: &[u8] = &[0];
-/// Bits of the first byte that say what follows the map.
-pub const FOLLOWER: u8 = 0b11;
 /// Bits of the first byte that say how fine the map is; 0: it has no more bytes.
-pub const FORM: u8 = 0b1100;
+pub const FORM: u8 = 0b11;
 /// Bit of the first byte: it is predicted from the last key map.
-pub const PREDICTED: u8 = 0b1_0000;
+pub const PREDICTED: u8 = 0b100;
 /// Low bits of the second byte: the length of what follows it, up to this; this, and more bytes tell the rest.
 pub const LENGTH: u8 = 0x0F;
 
@@ -63,7 +61,7 @@ mod tests {
     #[test]
     fn a_map_tells_its_length() {
         for len in [0, 1, 14, 15, 16, 142, 143, 5000, MAX_LEN] {
-            let mut bytes = vec![0b0100];
+            let mut bytes = vec![0b0001];
             write_len(0x70, len, &mut bytes);
             let start = bytes.len();
             bytes.resize(start + len + 3, 9);
@@ -74,7 +72,7 @@ mod tests {
             assert!(coded(&bytes[..(start + len).saturating_sub(1)]).is_none(), "{len}");
         }
         assert_eq!(split(&[0b1111_1111, 7]), None);
-        assert_eq!(split(&[0b1111_0011, 7]), Some((&[0b1111_0011][..], &[7][..])));
+        assert_eq!(split(&[0b1111_1100, 7]), Some((&[0b1111_1100][..], &[7][..])));
         assert_eq!(split(&[]), None);
     }
 }

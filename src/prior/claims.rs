@@ -1,7 +1,8 @@
 //! What a prior's file claims to hold, read without taking memory, so that loading it can be refused beforehand.
 
-use super::blocked::{self, Block};
-use super::{Splats, compact, ply};
+use super::blocked::Block;
+use super::container::Format;
+use super::{Splats, ply};
 
 /// What a file of a prior claims, not yet checked: only reading it shows whether it is true.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,15 +29,12 @@ impl PriorClaims {
 
     /// As [`PriorClaims::of`], from the first bytes of a file of `size` bytes. They must hold the header.
     pub fn of_start(bytes: &[u8], size: u64) -> Option<PriorClaims> {
-        let claims = if bytes.starts_with(compact::MAGIC) {
+        let own = [Format::Compact, Format::Blocked].map(Format::magic);
+        let claims = if own.iter().any(|magic| bytes.starts_with(magic)) {
             let degree = u32::from(*bytes.get(5)?);
-            let count = u32::from_le_bytes(*bytes.get(8..)?.first_chunk()?);
+            let count = u32::from_le_bytes(*bytes.get(12..)?.first_chunk()?);
             // Every part but the splats may be as long as the file.
             (u64::from(count), degree, size, true)
-        } else if bytes.starts_with(&blocked::MAGIC) {
-            let degree = u32::from(*bytes.get(5)?);
-            let count = u64::from_le_bytes(*bytes.get(16..)?.first_chunk()?);
-            (count, degree, size, true)
         } else if bytes.starts_with(ply::MAGIC) {
             let header = header_of(bytes);
             (ply_splats(header)?, ply_degree(header), header.len() as u64, false)
@@ -116,7 +114,7 @@ fn ply_degree(header: &[u8]) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::sample_splats;
+    use super::super::tests::{bare, sample_splats};
     use super::super::{KeyFrames, RenderOptions, compact, ply};
     use super::*;
     use crate::image::Preprocessing;
@@ -131,7 +129,7 @@ mod tests {
         assert_eq!((claims.splats, claims.sh_degree, claims.bytes), (7, 2, file.len() as u64));
         let mut file = Vec::new();
         let fine = &compact::Quantisation::default();
-        compact::write(&splats, &options, none.0, fine, &mut file).unwrap();
+        compact::write(&splats, &bare(&options), fine, &mut file).unwrap();
         let claims = PriorClaims::of(&file).unwrap();
         assert_eq!((claims.splats, claims.sh_degree), (7, 2));
         assert!(claims.host_bytes() > 7 * 4 * 38);
@@ -148,12 +146,11 @@ mod tests {
         assert_eq!(PriorClaims::of(b"nvsg"), None);
         assert_eq!(PriorClaims::of(b"nvsb"), None);
         let claims_of = |bytes: &[u8]| PriorClaims::of(bytes).unwrap();
-        let head = [&b"nvsb\x01\x01\0\0"[..], &[0; 8], &9_u64.to_le_bytes(), &[0; 900]].concat();
+        let head = [&b"nvsb\x01\x01\0\0"[..], &[0; 4], &9_u32.to_le_bytes(), &[0; 900]].concat();
         let found = claims_of(&head);
-        assert_eq!((found.splats, found.sh_degree, found.bytes), (9, 1, 924));
-        let mut cut = b"nvsg\x01\xff\0\0".to_vec();
-        cut.extend([0xff; 4]);
-        let found = PriorClaims::of(&cut).unwrap();
-        assert_eq!((found.splats, found.sh_degree), (12, 3));
+        assert_eq!((found.splats, found.sh_degree, found.bytes), (9, 1, 916));
+        let cut = [&b"nvsg\x01\xff\0\0"[..], &[0xff; 8]].concat();
+        let found = claims_of(&cut);
+        assert_eq!((found.splats, found.sh_degree), (16, 3));
     }
 }

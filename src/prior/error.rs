@@ -59,12 +59,18 @@ pub enum PriorError {
     Damaged { stated: u32, found: u32 },
     #[error("the splats are prior {found}, not {stated} as the file says")]
     Identity { stated: PriorId, found: PriorId },
+    #[error("about prior {stated}, not about {found}: remove it, or have it written anew")]
+    Foreign { stated: PriorId, found: PriorId },
     #[error("splat {splat} has a {fault}")]
     Invalid { splat: usize, fault: Fault },
     #[error("splat {splat}: {column} {value} is out of the range of steps of {step}")]
     OutOfSteps { splat: usize, column: &'static str, value: f32, step: f32 },
     #[error("quantisation of {name} in steps of {step}: at least 1e-6, at most {max}")]
     Step { name: &'static str, step: f32, max: f32 },
+    #[error("part {part}: {error}")]
+    InPart { part: String, error: Box<PriorError> },
+    #[error("part {part} must be understood, and is not known here: update this program")]
+    UnknownPart { part: String },
     #[error("block {block}: {error}")]
     InBlock { block: usize, error: Box<PriorError> },
     #[error("blocks of {size} splats: at least 1, at most {most}")]
@@ -73,8 +79,6 @@ pub enum PriorError {
     KeyFrame { index: usize, reason: &'static str },
     #[error("{count} key frames: at most {}; thin them out by a greater distance", MAX_KEY_FRAMES)]
     TooManyKeyFrames { count: usize },
-    #[error("line {line}: {reason}")]
-    Line { line: usize, reason: String },
     #[error("{file}: {error}")]
     InFile { file: String, error: Box<PriorError> },
 }

@@ -1,12 +1,11 @@
 //! What a prior's file holds.
 
 use super::coordinate_frame::CoordinateFrame;
-use super::key_frames::KeyFrames;
+use super::extras::Extras;
 use super::options::RenderOptions;
 use super::report::PriorFormat;
 use super::splats::Splats;
 use crate::coder_tables::Tables;
-use crate::image::Preprocessing;
 
 /// What a file holds: splats as they stand there, not yet checked.
 #[derive(Debug)]
@@ -19,12 +18,25 @@ pub struct PriorFile {
     pub format: PriorFormat,
     /// Comments in its header, without those that are key frames.
     pub comments: Vec<String>,
-    /// The key frames in it.
-    pub key_frames: KeyFrames,
     /// The coder tables in it.
     pub coder_tables: Option<Tables>,
-    /// How the pictures that it was trained on were treated; if it does not say so, not at all.
-    pub preprocessing: Preprocessing,
     /// The coordinate frame that it states; `None`: it is that of the splats' positions.
     pub frame: Option<CoordinateFrame>,
+    /// What else is in it.
+    pub extras: Extras,
+}
+
+impl PriorFile {
+    /// One that holds nothing else.
+    pub(super) fn new(splats: Splats, options: RenderOptions, format: PriorFormat) -> PriorFile {
+        PriorFile {
+            splats,
+            options,
+            format,
+            comments: Vec::new(),
+            coder_tables: None,
+            frame: None,
+            extras: Extras::default(),
+        }
+    }
 }

@@ -1,48 +1,48 @@
 //! The identity of a prior: a hash of all that shapes its pictures.
 
+use super::container::{PartName, covered_parts};
 use super::coordinate_frame::CoordinateFrame;
 use super::id::PriorId;
 use super::options::RenderOptions;
 use super::splats::Splats;
 use crate::coder_tables::Tables;
 
+/// What the hash begins with.
+const START: &[u8] = b"nvsprior prior 1";
+
 /// The identity of a prior of these splats. `stated_frame`: the coordinate frame, if the prior does not take that of
 /// its splats.
 pub(super) fn identity_of(
     splats: &Splats,
     options: &RenderOptions,
-    coder_tables: Option<&Tables>,
     stated_frame: Option<&CoordinateFrame>,
+    coder_tables: Option<&Tables>,
 ) -> PriorId {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(b"nvsprior prior 1");
-    hash_floats(&mut hasher, &[options.near, options.alpha_max]);
-    hasher.update(&[u8::from(options.antialiased)]);
-    hash_floats(&mut hasher, &options.background);
+    hasher.update(START);
+    for (name, content) in covered_parts(options, stated_frame, coder_tables) {
+        if let Some(content) = content {
+            hash_start(&mut hasher, name, content.len());
+            hasher.update(&content);
+        }
+    }
+    let numbers = splats.len() * (11 + splats.sh_stride());
+    hash_start(&mut hasher, PartName::SPLATS, 8 + 4 * numbers);
     hasher.update(&splats.sh_degree.to_le_bytes());
-    hasher.update(&(splats.len() as u64).to_le_bytes());
+    hasher.update(&(splats.len() as u32).to_le_bytes());
     hash_floats(&mut hasher, splats.positions.as_flattened());
     hash_floats(&mut hasher, splats.log_scales.as_flattened());
     hash_floats(&mut hasher, splats.rotations.as_flattened());
     hash_floats(&mut hasher, &splats.opacity_logits);
     hash_floats(&mut hasher, &splats.sh);
-    // Without tables nothing is added: such priors keep the identity that they had before tables existed.
-    if let Some(tables) = coder_tables {
-        hasher.update(&tables.write());
-    }
-    // Nor is anything added if no focal length is stated.
-    if let Some(focal) = options.trained_focal {
-        hasher.update(b"focal");
-        hash_floats(&mut hasher, &[focal]);
-    }
-    // Nor for the frame that follows from the splats.
-    if let Some(CoordinateFrame { centre, spread }) = stated_frame {
-        hasher.update(b"frame");
-        hash_floats(&mut hasher, centre);
-        hash_floats(&mut hasher, &[*spread]);
-    }
     let hash = *hasher.finalize().as_bytes();
     PriorId::from_bytes([hash[0], hash[1], hash[2], hash[3]])
+}
+
+/// Hashes a part's name and the bytes of its content.
+fn hash_start(hasher: &mut blake3::Hasher, name: PartName, bytes: usize) {
+    hasher.update(&name.bytes());
+    hasher.update(&(bytes as u64).to_le_bytes());
 }
 
 /// Hashes floats as little-endian bytes, a buffer at a time.
@@ -57,14 +57,13 @@ fn hash_floats(hasher: &mut blake3::Hasher, values: &[f32]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tables_file::tests::sample_tables;
-    use super::super::tests::sample_splats;
+    use super::super::tests::{sample_splats, sample_tables};
     use super::*;
 
     #[test]
     fn the_hash_is_part_of_the_wire_format() {
         let id = identity_of(&sample_splats(5, 1), &RenderOptions::INRIA, None, None);
-        assert_eq!(id.to_string(), "5d4dcd04");
+        assert_eq!(id.to_string(), "224b05be");
         assert_eq!(PriorId::from_bytes(id.to_bytes()), id);
     }
 
@@ -96,7 +95,7 @@ mod tests {
 
     #[test]
     fn a_stated_frame_counts() {
-        let of = |frame| identity_of(&sample_splats(5, 1), &RenderOptions::INRIA, None, frame);
+        let of = |frame| identity_of(&sample_splats(5, 1), &RenderOptions::INRIA, frame, None);
         let frame = CoordinateFrame { centre: [1.0, 2.0, 3.0], spread: 4.0 };
         assert_ne!(of(Some(&frame)), of(None));
         assert_ne!(of(Some(&CoordinateFrame { spread: 5.0, ..frame })), of(Some(&frame)));
@@ -106,7 +105,7 @@ mod tests {
     fn every_byte_of_the_coder_tables_counts() {
         let (splats, tables) = (sample_splats(5, 1), sample_tables(1));
         let of =
-            |tables: Option<&Tables>| identity_of(&splats, &RenderOptions::INRIA, tables, None);
+            |tables: Option<&Tables>| identity_of(&splats, &RenderOptions::INRIA, None, tables);
         let id = of(Some(&tables));
         assert_eq!(of(Some(&tables.clone())), id);
         assert_ne!(of(None), id);

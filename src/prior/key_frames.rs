@@ -1,20 +1,15 @@
 //! Key frames: camera poses at which the prior is rendered as a thumbnail, to find a lost camera again.
 //!
-//! They are poses of the mapping run, thinned out. They travel with the prior: in a compact prior, in the comments of a
-//! `.ply`, or in a file beside a prior of any format. They are no part of the prior's identity.
+//! They are poses of the mapping run, thinned out. They travel with the prior: in a file of our own, in the comments of
+//! a `.ply`, or beside a foreign file. They are no part of the prior's identity.
 
 mod text;
 
-use std::path::{Path, PathBuf};
-
 use glam::DVec3;
 
-use super::beside;
 use super::error::PriorError;
 use super::limits::MAX_KEY_FRAMES;
-use super::replace::replace_file;
 use crate::Pose;
-use text::{COLUMNS, HEADER};
 pub(super) use text::{pose_from_words, words};
 
 /// A checked list of key frames, possibly empty.
@@ -25,10 +20,6 @@ pub struct KeyFrames {
 
 /// How far the length of a key frame's quaternion may be from 1.
 const UNIT_TOLERANCE: f64 = 1e-6;
-
-/// Largest file of key frames that is read, bytes: more than the longest list takes when it is
-/// written.
-const MAX_BYTES: u64 = 256 * (KeyFrames::MAX as u64 + 1);
 
 impl KeyFrames {
     /// Most key frames of a prior.
@@ -100,63 +91,6 @@ impl KeyFrames {
         let first = centres.next()?;
         Some(centres.fold([first; 2], |[min, max], c| [min.min(c), max.max(c)]))
     }
-
-    /// The file of key frames beside a prior's file: `prior.ply.keys` beside `prior.ply`.
-    pub fn path_beside(prior: &Path) -> PathBuf {
-        beside::path(prior, "keys")
-    }
-
-    /// Reads a file of key frames: CSV with the header `qw,qx,qy,qz,tx,ty,tz`, one key frame per line. Errors name the
-    /// file and the line.
-    pub fn open(path: &Path) -> Result<KeyFrames, PriorError> {
-        let read = || KeyFrames::from_csv(&read_text(path)?);
-        read().map_err(|error| error.in_file(&path.display().to_string()))
-    }
-
-    /// Reads the key frames in the file beside a prior's; `None` if there is no such file.
-    pub(super) fn open_beside(prior: &Path) -> Result<Option<KeyFrames>, PriorError> {
-        let path = KeyFrames::path_beside(prior);
-        if beside::is_absent(&path) { Ok(None) } else { KeyFrames::open(&path).map(Some) }
-    }
-
-    /// Reads the content of a file of key frames: the line `qw,qx,qy,qz,tx,ty,tz`, then seven finite numbers per line.
-    /// Quaternions may have any length but zero. Allowed are blanks around numbers, line ends of either kind, and a
-    /// last line without one. All else is an error, which names the line.
-    pub fn from_csv(text: &str) -> Result<KeyFrames, PriorError> {
-        let wrong = |line: usize, reason: String| PriorError::Line { line, reason };
-        let mut lines = text.lines();
-        let header = lines.next().unwrap_or_default();
-        if header.trim_end() != HEADER {
-            return Err(wrong(1, format!("must be {HEADER}")));
-        }
-        let mut poses = Vec::new();
-        for (line, row) in (2..).zip(lines) {
-            if poses.len() == KeyFrames::MAX {
-                return Err(wrong(line, format!("more than {} key frames", KeyFrames::MAX)));
-            }
-            let fields: Vec<&str> = row.splitn(COLUMNS + 1, ',').map(str::trim).collect();
-            let pose = pose_from_words(&fields).map_err(|reason| wrong(line, reason))?;
-            fault(&pose).map_or(Ok(()), |reason| Err(wrong(line, reason.into())))?;
-            poses.push(pose);
-        }
-        KeyFrames::new(poses)
-    }
-
-    /// The content of a file of key frames; [`from_csv`](Self::from_csv) gives them back unchanged.
-    pub fn to_csv(&self) -> String {
-        let mut text = format!("{HEADER}\n");
-        for pose in self.poses() {
-            text += &words(pose).join(",");
-            text.push('\n');
-        }
-        text
-    }
-
-    /// Writes a file of key frames, whole or not at all. [`open`](Self::open) gives them back
-    /// unchanged.
-    pub fn save(&self, path: &Path) -> Result<(), PriorError> {
-        replace_file(path, self.to_csv().as_bytes())
-    }
 }
 
 /// What is wrong with a pose as a key frame.
@@ -179,16 +113,6 @@ fn viewing_direction(pose: &Pose) -> DVec3 {
 /// Angle between two directions, radians; exact for small ones, too.
 fn angle_between(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
-}
-
-/// A file's text, but no more of it than key frames can take.
-fn read_text(path: &Path) -> Result<String, PriorError> {
-    let text = beside::read(path, MAX_BYTES, "key frames")?;
-    String::from_utf8(text).map_err(|error| {
-        let read = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = 1 + read.iter().filter(|byte| **byte == b'\n').count();
-        PriorError::Line { line, reason: "no UTF-8 text".into() }
-    })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType, ScalarType};
 
 use super::key_frames::pose_from_words;
-use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use super::{Extras, KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::image::{Clahe, Preprocessing, WhiteBalance};
 
 /// First word of the comments that hold render options, preprocessing and key frames.
@@ -114,16 +114,8 @@ impl Comments {
     /// The file of these comments and splats.
     pub fn file(self, splats: Splats, format: PriorFormat) -> PriorFile {
         let Comments { options, preprocessing, key_frames, others: comments } = self;
-        PriorFile {
-            splats,
-            options,
-            format,
-            comments,
-            key_frames,
-            coder_tables: None,
-            preprocessing,
-            frame: None,
-        }
+        let extras = Extras { key_frames, preprocessing, ..Extras::default() };
+        PriorFile { comments, extras, ..PriorFile::new(splats, options, format) }
     }
 }
 

@@ -3,21 +3,21 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use super::besides::Besides;
 use super::check::{clamp_logits, drop_invalid};
 use super::coordinate_frame::CoordinateFrame;
 use super::error::PriorError;
+use super::extras::Extras;
+use super::extras_file;
 use super::file::{self, read_prior_file};
 use super::file_content::PriorFile;
-use super::filter_file;
 use super::id::PriorId;
 use super::identity::identity_of;
 use super::key_frames::KeyFrames;
 use super::limits::MAX_SPLATS;
 use super::options::{RenderOptions, RenderOverrides};
-use super::part_source::PartSource;
 use super::report::{LoadReport, PriorFormat};
 use super::splats::Splats;
-use super::tables_file;
 use crate::coder_tables::Tables;
 use crate::filter_weights::FilterWeights;
 use crate::image::Preprocessing;
@@ -29,12 +29,10 @@ pub struct Prior {
     options: RenderOptions,
     id: PriorId,
     frame: CoordinateFrame,
-    /// Its file states the frame.
-    frame_is_stated: bool,
-    key_frames: KeyFrames,
+    /// The frame, if its file states it.
+    stated_frame: Option<CoordinateFrame>,
     coder_tables: Option<Arc<Tables>>,
-    filter_weights: Option<Arc<FilterWeights>>,
-    preprocessing: Preprocessing,
+    extras: Extras,
     report: LoadReport,
 }
 
@@ -43,9 +41,7 @@ impl Prior {
     pub const MAX_SPLATS: usize = MAX_SPLATS;
 
     /// Reads a prior from a file. The content tells the format. [`super::ply`] says where the render options come from;
-    /// `overrides` replaces them. Key frames come from the file at [`KeyFrames::path_beside`] if there is one, else
-    /// from the prior's own file. Coder tables come from [`tables_file::path_beside`] in the same way, and
-    /// weights of the display filter from [`filter_file::path_beside`].
+    /// `overrides` replaces them. Beside a file of a foreign format may be one of [`Extras`]: [`extras_file`].
     pub fn open(path: &Path, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
         Prior::from_file(path, Prior::read_file(path)?, overrides)
     }
@@ -62,17 +58,18 @@ impl Prior {
         bytes: Vec<u8>,
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
-        let (key_frames, tables) = (KeyFrames::open_beside(path)?, tables_file::open_beside(path)?);
-        let filter_weights = filter_file::open_beside(path)?;
-        let mut prior = Prior::from_bytes(&bytes, &path.display().to_string(), overrides)?;
+        let read = Prior::from_bytes(&bytes, &path.display().to_string(), &Default::default())?;
         drop(bytes);
-        if let Some(key_frames) = key_frames {
-            prior.set_key_frames(key_frames, PartSource::Beside);
-        }
-        if let Some(tables) = tables {
-            prior.set_coder_tables(Some(tables), PartSource::Beside);
-        }
-        Ok(prior.with_filter_weights(filter_weights))
+        let extras = match read.report.format.is_own() {
+            true => None,
+            false => extras_file::read(path, read.id, read.len())?,
+        };
+        let named = |error: PriorError| error.in_file(&path.display().to_string());
+        let prior = read.with_overrides(overrides).map_err(named)?;
+        Ok(match extras {
+            Some(extras) => Prior { extras, ..prior },
+            None => prior,
+        })
     }
 
     /// Reads a prior from a file's content; `name` stands for the file in errors.
@@ -89,29 +86,11 @@ impl Prior {
 
     /// Makes a prior of splats in memory. Invalid splats are dropped and counted, as from a file.
     pub fn from_splats(splats: Splats, options: RenderOptions) -> Result<Prior, PriorError> {
-        Prior::build(PriorFile {
-            splats,
-            options,
-            format: PriorFormat::Memory,
-            comments: Vec::new(),
-            key_frames: KeyFrames::NONE,
-            coder_tables: None,
-            preprocessing: Preprocessing::NONE,
-            frame: None,
-        })
+        Prior::build(PriorFile::new(splats, options, PriorFormat::Memory))
     }
 
     fn build(file: PriorFile) -> Result<Prior, PriorError> {
-        let PriorFile {
-            mut splats,
-            options,
-            format,
-            comments,
-            key_frames,
-            coder_tables,
-            preprocessing,
-            frame: stated_frame,
-        } = file;
+        let PriorFile { mut splats, options, format, comments, coder_tables, extras, .. } = file;
         options.check()?;
         splats.check_shape()?;
         let read = splats.len();
@@ -127,67 +106,70 @@ impl Prior {
             return Err(PriorError::AllDropped { read, fault: first.fault });
         }
         let kept = splats.len();
-        let report = LoadReport {
-            format,
-            read,
-            kept,
-            dropped,
-            clamped_logits,
-            comments,
-            key_frames: PartSource::in_file(!key_frames.is_empty()),
-            coder_tables: PartSource::in_file(coder_tables.is_some()),
-        };
-        let id = identity_of(&splats, &options, coder_tables.as_ref(), stated_frame.as_ref());
-        let frame = stated_frame.unwrap_or_else(|| CoordinateFrame::of(&splats.positions));
-        let coder_tables = coder_tables.map(Arc::new);
+        extras.check(kept)?;
+        let stated_frame = file.frame;
         Ok(Prior {
+            id: identity_of(&splats, &options, stated_frame.as_ref(), coder_tables.as_ref()),
+            frame: stated_frame.unwrap_or_else(|| CoordinateFrame::of(&splats.positions)),
             splats,
             options,
-            id,
-            frame,
-            frame_is_stated: stated_frame.is_some(),
-            key_frames,
-            coder_tables,
-            filter_weights: None,
-            preprocessing,
-            report,
+            stated_frame,
+            coder_tables: coder_tables.map(Arc::new),
+            extras,
+            report: LoadReport { format, read, kept, dropped, clamped_logits, comments },
         })
     }
 
-    /// The same prior with other key frames; they are no part of its identity.
-    pub fn with_key_frames(mut self, key_frames: KeyFrames) -> Prior {
-        self.set_key_frames(key_frames, PartSource::Memory);
-        self
+    /// The same splats, with other render options. If these differ, it is another prior.
+    ///
+    /// # Errors
+    /// If they are none that a renderer can use.
+    pub fn with_overrides(mut self, overrides: &RenderOverrides) -> Result<Prior, PriorError> {
+        self.options = overrides.over(self.options);
+        self.options.check()?;
+        if *overrides != RenderOverrides::default() {
+            self.id = self.identity();
+        }
+        Ok(self)
     }
 
     /// The same splats with other coder tables, or none. If the tables differ, it is another prior.
     pub fn with_coder_tables(mut self, tables: Option<Tables>) -> Prior {
-        self.set_coder_tables(tables, PartSource::Memory);
+        self.coder_tables = tables.map(Arc::new);
+        self.id = self.identity();
+        self
+    }
+
+    fn identity(&self) -> PriorId {
+        let Besides { options, frame, coder_tables, .. } = self.besides();
+        identity_of(&self.splats, options, frame, coder_tables)
+    }
+
+    /// The same prior with other extras; they are no part of its identity.
+    ///
+    /// # Errors
+    /// If there is doubt of another number of splats.
+    pub fn with_extras(self, extras: Extras) -> Result<Prior, PriorError> {
+        extras.check(self.len())?;
+        Ok(Prior { extras, ..self })
+    }
+
+    /// The same prior with other key frames; they are no part of its identity.
+    pub fn with_key_frames(mut self, key_frames: KeyFrames) -> Prior {
+        self.extras.key_frames = key_frames;
         self
     }
 
     /// The same prior with another preprocessing; it is no part of its identity.
     pub fn with_preprocessing(mut self, preprocessing: Preprocessing) -> Prior {
-        self.preprocessing = preprocessing;
+        self.extras.preprocessing = preprocessing;
         self
     }
 
     /// The same prior with other weights of the display filter, or none; they are no part of its identity.
     pub fn with_filter_weights(mut self, weights: Option<FilterWeights>) -> Prior {
-        self.filter_weights = weights.map(Arc::new);
+        self.extras.filter_weights = weights.map(Arc::new);
         self
-    }
-
-    fn set_key_frames(&mut self, key_frames: KeyFrames, source: PartSource) {
-        self.key_frames = key_frames;
-        self.report.key_frames = source;
-    }
-
-    fn set_coder_tables(&mut self, tables: Option<Tables>, source: PartSource) {
-        let stated_frame = self.frame_is_stated.then_some(&self.frame);
-        self.id = identity_of(&self.splats, &self.options, tables.as_ref(), stated_frame);
-        self.report.coder_tables = if tables.is_some() { source } else { PartSource::None };
-        self.coder_tables = tables.map(Arc::new);
     }
 
     /// Number of splats; never zero.
@@ -216,9 +198,24 @@ impl Prior {
         self.frame
     }
 
+    /// All that it holds besides splats, for writing it.
+    pub fn besides(&self) -> Besides<'_> {
+        Besides {
+            options: &self.options,
+            frame: self.stated_frame.as_ref(),
+            coder_tables: self.coder_tables.as_deref(),
+            extras: &self.extras,
+        }
+    }
+
+    /// What it holds that changes no picture.
+    pub fn extras(&self) -> &Extras {
+        &self.extras
+    }
+
     /// Where to look for a lost camera; possibly none.
     pub fn key_frames(&self) -> &KeyFrames {
-        &self.key_frames
+        &self.extras.key_frames
     }
 
     /// The scene coder tables; `None`: the generic tables are used.
@@ -228,12 +225,12 @@ impl Prior {
 
     /// The display filter's weights for the scene; `None`: the library's are used.
     pub fn filter_weights(&self) -> Option<&Arc<FilterWeights>> {
-        self.filter_weights.as_ref()
+        self.extras.filter_weights.as_ref()
     }
 
     /// How the pictures that it was trained on were treated. Encoders treat their frames in the same way.
     pub fn preprocessing(&self) -> &Preprocessing {
-        &self.preprocessing
+        &self.extras.preprocessing
     }
 
     /// What loading found.

@@ -3,7 +3,6 @@
 use std::fmt;
 
 use super::check::Dropped;
-use super::part_source::PartSource;
 
 /// Where a prior's splats came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +31,13 @@ pub enum PriorFormat {
     /// A scene in PlayCanvas's format SOG.
     #[cfg(feature = "formats")]
     Sog,
+}
+
+impl PriorFormat {
+    /// Whether it is one of our own, whose files hold all that belongs to a prior.
+    pub fn is_own(self) -> bool {
+        matches!(self, PriorFormat::Compact | PriorFormat::Blocked)
+    }
 }
 
 impl fmt::Display for PriorFormat {
@@ -70,8 +76,4 @@ pub struct LoadReport {
     pub clamped_logits: usize,
     /// Comments in the file's header, unchanged, without those that are key frames.
     pub comments: Vec<String>,
-    /// Where the key frames came from.
-    pub key_frames: PartSource,
-    /// Where the coder tables came from.
-    pub coder_tables: PartSource,
 }

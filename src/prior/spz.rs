@@ -15,8 +15,7 @@ use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
 use super::limits::MAX_SPLATS;
-use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
-use crate::image::Preprocessing;
+use super::{PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 
 /// How SPZ files start: as gzip up to version 3, with the format's own mark in version 4.
 pub const MAGICS: [&[u8]; 2] = [&[0x1f, 0x8b], b"NGSP"];
@@ -56,16 +55,9 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         0 => Vec::new(),
         _ => vec!["SPZ extensions, ignored".into()],
     };
-    Ok(PriorFile {
-        splats: header.splats(&streams),
-        options: RenderOptions { antialiased, ..RenderOptions::INRIA },
-        format: PriorFormat::Spz(header.version),
-        comments,
-        key_frames: KeyFrames::NONE,
-        coder_tables: None,
-        preprocessing: Preprocessing::NONE,
-        frame: None,
-    })
+    let options = RenderOptions { antialiased, ..RenderOptions::INRIA };
+    let format = PriorFormat::Spz(header.version);
+    Ok(PriorFile { comments, ..PriorFile::new(header.splats(&streams), options, format) })
 }
 
 struct Header {

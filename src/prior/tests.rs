@@ -1,4 +1,8 @@
+use std::sync::LazyLock;
+
 use super::*;
+use crate::coder_tables::Tables;
+use crate::random::Random;
 
 /// `count` valid splats of the degree, every parameter a different number.
 pub(crate) fn sample_splats(count: usize, sh_degree: u32) -> Splats {
@@ -17,6 +21,19 @@ pub(crate) fn sample_splats(count: usize, sh_degree: u32) -> Splats {
         splats.sh.extend(std::iter::repeat_with(&mut value).take(stride));
     }
     splats
+}
+
+pub(crate) fn sample_tables(seed: u64) -> Tables {
+    let mut random = Random::new(seed);
+    let mut bytes = Tables::zero().write();
+    bytes[4..].iter_mut().for_each(|byte| *byte = random.bits() as u8);
+    Tables::read(&bytes).unwrap()
+}
+
+/// Options, and nothing else.
+pub(crate) fn bare(options: &RenderOptions) -> Besides<'_> {
+    static NONE: LazyLock<Extras> = LazyLock::new(Extras::default);
+    Besides { options, frame: None, coder_tables: None, extras: &NONE }
 }
 
 #[test]

@@ -11,7 +11,6 @@ mod frame;
 pub mod inspection;
 mod jacobian;
 mod kernels;
-mod learnt_room;
 pub(crate) mod levels;
 mod light;
 pub mod probe;
@@ -21,8 +20,6 @@ mod scene;
 mod sight;
 mod splat_buffers;
 mod stages;
-#[cfg(test)]
-mod tests;
 #[cfg(feature = "training")]
 pub mod training;
 mod window;
@@ -32,8 +29,6 @@ pub use block_cache::{BlockReader, SetAside, SpawnReader};
 pub use frame::to_byte;
 pub use jacobian::Jacobian;
 pub use kernels::{FilterKernels, Kernels, PipelineKey, SceneKernels};
-#[cfg(feature = "training")]
-pub(crate) use learnt_room::TRIED;
 pub use levels::NormalEquations;
 pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::SortPrecision;

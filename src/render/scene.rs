@@ -9,13 +9,12 @@ use crate::filter_weights::FilterWeights;
 use crate::image::Preprocessing;
 use crate::prior::analysis::PriorAnalysis;
 use crate::prior::blocked::BlockedPrior;
-use crate::prior::{CoordinateFrame, KeyFrames, Learnt, UpdateError};
+use crate::prior::{CoordinateFrame, KeyFrames};
 use crate::shared::{self, GEOMETRY_PLANES, GROUP};
 use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Prior, PriorId};
 
 use super::block_cache::BlockReader;
-use super::learnt_room::{self, LearntRoom};
 use super::splat_buffers::{Held, Planes, SplatBuffers};
 use super::window::{Residency, Window, WindowRoom};
 use super::{PipelineKey, SceneKernels};
@@ -30,34 +29,26 @@ pub struct Scene {
     coder_tables: Arc<Tables>,
     filter_weights: Option<Arc<FilterWeights>>,
     preprocessing: Preprocessing,
-    /// Only if it was uploaded for updates.
-    learnt_room: Option<LearntRoom>,
     /// Only if it is a blocked prior.
     window: Option<Window>,
 }
 
 impl Scene {
-    /// Uploads what pictures of a prior need. They are drawn by pipelines made for its [`PipelineKey`]. `for_updates`:
-    /// makes room for learnt splats.
+    /// Uploads what pictures of a prior need. They are drawn by pipelines made for its [`PipelineKey`].
     pub(crate) fn new(
         device: &Device,
         prior: &Prior,
         analysis: PriorAnalysis,
         kernels: Arc<SceneKernels>,
-        for_updates: bool,
     ) -> Result<Scene, Error> {
-        let own = analysis.splats.len();
-        let count = own + if for_updates { learnt_room::ROOM } else { 0 };
+        let count = analysis.splats.len();
         let named = format!("splats of degree {}", analysis.sh_degree);
         let room = Error::with_room_for(most_splats(device, analysis.sh_degree), &named);
         check_workgroups(device, count).map_err(&room)?;
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         let Planes { geometry, sh, radius } = Planes::of(prior, &analysis, count);
-        let learnt_room = for_updates
-            .then(|| LearntRoom::new(device, prior, &analysis, &geometry, radius))
-            .transpose()?;
         let buffers = [upload("geometry", &geometry)?, upload("spherical harmonics", &sh)?];
-        let held = Held { splats: own as u32, stride: count as u32, radius };
+        let held = Held::all(count as u32, radius);
         let splats = SplatBuffers::new(kernels, buffers, &held, *prior.options());
         Ok(Scene {
             splats: Arc::new(splats),
@@ -68,13 +59,12 @@ impl Scene {
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
             filter_weights: prior.filter_weights().cloned(),
             preprocessing: *prior.preprocessing(),
-            learnt_room,
             window: None,
         })
     }
 
     /// Makes a scene of a blocked prior, with room for so many of its splats. None are there yet: renderers bring those
-    /// that they need. It takes no updates.
+    /// that they need.
     pub(crate) fn of_blocked(
         device: &Device,
         blocked: &Arc<BlockedPrior>,
@@ -100,11 +90,10 @@ impl Scene {
             ),
             id: blocked.id(),
             frame: blocked.coordinate_frame(),
-            key_frames: blocked.key_frames().clone(),
+            key_frames: blocked.extras().key_frames.clone(),
             coder_tables: tables.unwrap_or_else(generic_tables),
-            filter_weights: None,
-            preprocessing: *blocked.preprocessing(),
-            learnt_room: None,
+            filter_weights: blocked.extras().filter_weights.clone(),
+            preprocessing: blocked.extras().preprocessing,
             window: Some(Window::new(device, blocked, room, reader)?),
         })
     }
@@ -117,39 +106,6 @@ impl Scene {
     /// Which part of the prior is on the device; `None`: it is no blocked prior, and all of it is there.
     pub fn residency(&self) -> Option<Residency> {
         self.window.as_ref().map(Window::residency)
-    }
-
-    /// Checks that it can draw what is learnt.
-    pub(crate) fn check_learnt(&self, learnt: &Learnt) -> Result<(), UpdateError> {
-        if !self.takes_updates() {
-            return Err(UpdateError::NoRoom);
-        }
-        let (stated, prior) = (learnt.prior(), self.id);
-        if stated != prior { Err(UpdateError::Foreign { stated, prior }) } else { Ok(()) }
-    }
-
-    /// Draws what is learnt too, from the next frame on. Call it between frames. Nothing is done if the scene was not
-    /// uploaded for updates.
-    pub(crate) fn show(&self, learnt: &Learnt) -> Result<(), Error> {
-        self.learnt_room.as_ref().map_or(Ok(()), |room| room.show(&self.splats, learnt))
-    }
-
-    /// As [`Scene::show`], with a part of what is learnt.
-    #[cfg(feature = "training")]
-    pub(crate) fn show_part(&self, part: &Learnt) -> Result<(), Error> {
-        self.learnt_room.as_ref().map_or(Ok(()), |room| room.show_part(&self.splats, part))
-    }
-
-    /// Where the splats that a learner trains begin in the planes, behind so many learnt ones; `None`: there is no
-    /// room.
-    #[cfg(feature = "training")]
-    pub(crate) fn first_tried(&self, learnt: usize) -> Option<u32> {
-        self.learnt_room.as_ref().map(|room| room.first_tried(learnt))
-    }
-
-    /// Whether it was uploaded for updates.
-    pub fn takes_updates(&self) -> bool {
-        self.learnt_room.is_some()
     }
 
     /// Whether it is on this very device, as it was opened.

@@ -144,7 +144,7 @@ mod tests {
 
     fn block(middle: [f32; 3], half: f32, longest: f32) -> Block {
         let [least, greatest] = [-half, half].map(|by| middle.map(|v| v + by));
-        Block { splats: 1, least, greatest, longest, bytes: 1, offset: 0 }
+        Block { splats: 1, least, greatest, longest, bytes: 1, check: 0, offset: 0 }
     }
 
     fn sees(reach: Reach, block: &Block) -> bool {

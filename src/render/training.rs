@@ -18,13 +18,13 @@ use crate::training::{
 use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
+use super::Kernels;
 use super::frame::Bytes;
 use super::kernels::{SceneKernels, TrainingKernels};
 use super::levels::{LevelBuffers, Pass, posed, prototype};
 use super::splat_buffers::{Held, SplatBuffers};
 use super::stages::{CameraPose, Channels, Stages};
 use super::workspace::Workspace;
-use super::{Kernels, Scene};
 
 pub use crate::training::{FADING, Training};
 pub use memory::{Fits, NoRoom, Shortage, TrainingMemory};
@@ -191,8 +191,6 @@ pub struct Trainer {
     own: TrainingKernels,
     plan: TrainingPlan,
     splats: Arc<SplatBuffers>,
-    /// Place of the first splat that is trained.
-    first: u32,
     /// Splats in use, the first ones of those that are trained.
     in_use: u32,
     levels: LevelBuffers,
@@ -293,37 +291,6 @@ impl Trainer {
         ];
         let held = Held::all(plan.splats, f32::INFINITY);
         let splats = SplatBuffers::new(scene_kernels, buffers, &held, plan.options);
-        Trainer::of(device, kernels, Arc::new(splats), 0, plan)
-    }
-
-    /// Trains splats that lie behind those of a scene, which stay. The scene does not draw them. Its encoder may go on
-    /// between two steps.
-    ///
-    /// # Panics
-    /// If the scene was not uploaded for updates, or has not the plan's degree.
-    pub(crate) fn behind(
-        device: &Device,
-        kernels: &Arc<Kernels>,
-        scene: &Scene,
-        plan: &TrainingPlan,
-    ) -> Result<Trainer, Error> {
-        let first = scene.first_tried(0).expect("a scene for updates");
-        assert_eq!(plan.sh_degree, scene.analysis().sh_degree, "the scene's degree");
-        Trainer::of(device, kernels, scene.splats.clone(), first, plan)
-    }
-
-    /// Says that so many learnt splats lie before those that are trained.
-    pub(crate) fn set_first(&mut self, first: u32) {
-        self.first = first;
-    }
-
-    fn of(
-        device: &Device,
-        kernels: &Arc<Kernels>,
-        splats: Arc<SplatBuffers>,
-        first: u32,
-        plan: &TrainingPlan,
-    ) -> Result<Trainer, Error> {
         let [width, height] = plan.size;
         let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
         let levels = LevelBuffers::new(device, &splats, &camera, &[1])?;
@@ -337,8 +304,7 @@ impl Trainer {
             grown: Grown::new(device, &splats, pairs, slots)?,
             plan: plan.clone(),
             in_use: plan.splats,
-            splats,
-            first,
+            splats: Arc::new(splats),
             levels,
             recorded: Recorded::default(),
         })
@@ -450,7 +416,7 @@ impl Trainer {
             let slot_capacity = self.grown.slot_capacity;
             let own = Training {
                 slot_capacity,
-                first_trained: self.first,
+                first_trained: 0,
                 trained: self.plan.splats,
                 in_use: self.in_use,
                 ..*training
@@ -477,7 +443,7 @@ impl Trainer {
     fn ask(&mut self, view: &TrainingView) {
         let TrainingView { camera, pose, factor, .. } = *view;
         // Training moves the splats.
-        let (splats, stride) = (self.first + self.in_use, self.splats.room);
+        let (splats, stride) = (self.in_use, self.splats.room);
         let held = Held { splats, stride, radius: f32::INFINITY };
         let own = prototype(&self.plan.options, &held, camera, factor, 0);
         let Params { sort_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;

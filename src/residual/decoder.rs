@@ -1,7 +1,7 @@
 //! Residuals added to renders.
 
 use crate::Picture;
-use crate::packet::{Coder, Latent, Reference, Residual, ResidualStart};
+use crate::packet::{Reference, Residual, ResidualStart};
 use crate::range_coder::Tail;
 
 use super::ResidualError;
@@ -51,40 +51,32 @@ impl ResidualDecoder {
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
         self.wavelet.forget_step();
-        let (coder, bytes) = match *residual {
+        let (small_blocks, bytes) = match *residual {
             Residual::None | Residual::Omitted => return Ok(()),
-            Residual::Coded { coder, payload } => (coder, payload),
-            Residual::Stream { reference: None, small_blocks, payload } => {
-                (Coder::wavelet(small_blocks), payload)
+            Residual::Coded { small_blocks, payload }
+            | Residual::Stream { reference: None, small_blocks, payload } => {
+                (small_blocks, payload)
             }
             Residual::Stream { reference: Some(_), .. } => return Err(OUT_OF_STREAM),
+            #[cfg(feature = "paper")]
+            Residual::Webp { whole, payload } => return self.add_webp(whole, payload, render),
         };
         check_size(self.size, render)?;
-        match coder {
-            Coder::Wavelet | Coder::SmallBlocks => {
-                let small_blocks = coder == Coder::SmallBlocks;
-                let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
-                self.wavelet.add(payload, portable, render)
-            }
-            Coder::Vp8 | Coder::WebP => self.add_webp(coder, bytes, render),
-        }
+        let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
+        self.wavelet.add(payload, portable, render)
     }
 
     #[cfg(feature = "paper")]
     fn add_webp(
         &mut self,
-        coder: Coder,
+        whole: bool,
         payload: &[u8],
         render: &mut Picture,
     ) -> Result<(), ResidualError> {
-        self.webp.decode(coder, payload, &mut self.difference)?;
+        check_size(self.size, render)?;
+        self.webp.decode(whole, payload, &mut self.difference)?;
         difference::add(&self.difference.data, &mut render.data);
         Ok(())
-    }
-
-    #[cfg(not(feature = "paper"))]
-    fn add_webp(&mut self, _: Coder, _: &[u8], _: &mut Picture) -> Result<(), ResidualError> {
-        Err(NO_WEBP)
     }
 
     /// The quantiser's step of the residual added last; `None`: nothing was added, or its coder has none.
@@ -134,11 +126,9 @@ impl ResidualDecoder {
         frame: &StreamFrame,
         portable: bool,
         render: &mut Picture,
-    ) -> Result<u32, ResidualError> {
+    ) -> Result<(), ResidualError> {
         check_size(self.size, render)?;
-        let payload = Payload::of_start(start);
-        self.add_wavelet(start.reference, payload, frame, portable, render)?;
-        Ok(render.height)
+        self.add_wavelet(start.reference, Payload::of_start(start), frame, portable, render)
     }
 
     fn add_wavelet(
@@ -156,7 +146,7 @@ impl ResidualDecoder {
             return Err(ResidualError::OtherRender);
         }
         if !self.stream.holds(reference, frame.frame, frame.viewpoint) {
-            let reference = frame.frame.wrapping_sub(reference.distance.into()) % Latent::FRAMES;
+            let reference = frame.frame.wrapping_sub(reference.distance.into());
             return Err(ResidualError::ReferenceMissing { frame: frame.frame, reference });
         }
         frame.check((render.width, render.height))?;
@@ -164,46 +154,21 @@ impl ResidualDecoder {
         self.wavelet.add_inter(payload, portable, earlier.as_ref(), render)
     }
 
-    /// As [`ResidualDecoder::add`], with the start of a payload. Returns the number of rows that it reaches. A wavelet
-    /// payload reaches all rows; the longer its start, the finer they are.
+    /// As [`ResidualDecoder::add`], with the start of a payload. The longer it is, the finer the picture.
     pub fn add_start(
         &mut self,
         start: &ResidualStart,
         portable: bool,
         render: &mut Picture,
-    ) -> Result<u32, ResidualError> {
+    ) -> Result<(), ResidualError> {
         self.wavelet.forget_step();
         check_size(self.size, render)?;
-        if start.reference.is_some() {
-            return Err(OUT_OF_STREAM);
+        match start.reference {
+            Some(_) => Err(OUT_OF_STREAM),
+            None => self.wavelet.add(Payload::of_start(start), portable, render),
         }
-        if matches!(start.coder, Coder::Wavelet | Coder::SmallBlocks) {
-            self.wavelet.add(Payload::of_start(start), portable, render)?;
-            return Ok(render.height);
-        }
-        self.add_webp_start(start, render)
-    }
-
-    #[cfg(feature = "paper")]
-    fn add_webp_start(
-        &mut self,
-        start: &ResidualStart,
-        render: &mut Picture,
-    ) -> Result<u32, ResidualError> {
-        let rows = self.webp.decode_start(start, &mut self.difference)?;
-        let bytes = rows * render.width as usize * 3;
-        difference::add(&self.difference.data[..bytes], &mut render.data[..bytes]);
-        Ok(rows as u32)
-    }
-
-    #[cfg(not(feature = "paper"))]
-    fn add_webp_start(&mut self, _: &ResidualStart, _: &mut Picture) -> Result<u32, ResidualError> {
-        Err(NO_WEBP)
     }
 }
-
-#[cfg(not(feature = "paper"))]
-const NO_WEBP: ResidualError = ResidualError::CoderMissing { coder: "WebP", feature: "paper" };
 
 const OUT_OF_STREAM: ResidualError =
     ResidualError::Payload("it is predicted from another frame of its stream");

@@ -107,8 +107,7 @@ impl ResidualEncoder {
         let ResidualSetup { width, height, coder, tune, ref tables, portable } = *setup;
         let coder = match coder {
             ResidualCoder::Wavelet => {
-                let mut coder = RateEncoder::new(width, height, tables, portable, tune);
-                coder.allow_small_blocks(true);
+                let coder = RateEncoder::new(width, height, tables, portable, tune);
                 AnyEncoder::Wavelet(Box::new(coder))
             }
             #[cfg(feature = "paper")]
@@ -119,8 +118,7 @@ impl ResidualEncoder {
     }
 
     /// Codes what the camera saw and the render did not. `overhead`: the length of everything else that counts against
-    /// [`Rate::Bytes`], such as the packet's latent and camera part and link headers. The residual part's own length
-    /// and check are added here.
+    /// [`Rate::Bytes`], such as the packet's other parts. The residual part's own check is added here.
     ///
     /// With a budget or a target: if no difference picture improves the render, none is coded.
     pub fn encode<'a>(
@@ -152,16 +150,6 @@ impl ResidualEncoder {
     pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         match &mut self.coder {
             AnyEncoder::Wavelet(coder) => coder.set_interest(interest),
-            #[cfg(feature = "paper")]
-            AnyEncoder::Webp(_) => {}
-        }
-    }
-
-    /// Sets whether residuals may have small blocks, from the next frame on: only packets in the short form hold them.
-    /// They may from the start.
-    pub fn allow_small_blocks(&mut self, allowed: bool) {
-        match &mut self.coder {
-            AnyEncoder::Wavelet(coder) => coder.allow_small_blocks(allowed),
             #[cfg(feature = "paper")]
             AnyEncoder::Webp(_) => {}
         }

@@ -24,10 +24,6 @@ pub enum ResidualError {
     #[error("WebP encoder: {0}")]
     Encode(String),
     #[error(
-        "residual payload: coded by {coder}, which this library was built without (feature `{feature}`)"
-    )]
-    CoderMissing { coder: &'static str, feature: &'static str },
-    #[error(
         "residual payload: it needs the encoder's render, but one of the two devices is not portable"
     )]
     OtherRender,

@@ -83,8 +83,8 @@ impl TruthDecoder {
         let coded = layout::coded(bytes)?;
         let first = bytes[0];
         let thresholds = THRESHOLDS[usize::from(first >> 6)];
-        let (predicted, whole) = (first & layout::PREDICTED != 0, first >> 5 & 1 != 0);
-        let side = match (first & layout::FORM) >> 2 {
+        let (predicted, whole) = (first & layout::PREDICTED != 0, first >> 3 & 1 != 0);
+        let side = match first & layout::FORM {
             0 => {
                 let mark = if whole { Mark::Mended } else { Mark::Rendered };
                 self.marks.marks.fill(mark);

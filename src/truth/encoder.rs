@@ -211,7 +211,7 @@ impl TruthEncoder {
     fn write_plain(&mut self, whole: bool) {
         self.said.marks.fill(if whole { Mark::Mended } else { Mark::Rendered });
         self.bytes.clear();
-        self.bytes.push(LEVELS << 6 | u8::from(whole) << 5);
+        self.bytes.push(LEVELS << 6 | u8::from(whole) << 3);
     }
 
     /// Writes the marks that were chosen to `tried`.
@@ -224,9 +224,9 @@ impl TruthEncoder {
         // There is always room.
         coder.finish();
         let fineness = side.trailing_zeros() as u8 + 1;
-        let flags = if predicted { layout::PREDICTED } else { 0 } | u8::from(whole) << 5;
+        let flags = if predicted { layout::PREDICTED } else { 0 } | u8::from(whole) << 3;
         self.tried.clear();
-        self.tried.push(LEVELS << 6 | flags | fineness << 2);
+        self.tried.push(LEVELS << 6 | flags | fineness);
         layout::write_len((distance as u8) << 4, self.coded.len(), &mut self.tried);
         self.tried.extend_from_slice(&self.coded);
     }

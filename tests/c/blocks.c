@@ -32,7 +32,7 @@ static void fly(nvsp_prior *vehicle, nvsp_prior *topside, packet *sent) {
 
 static void refusals(void) {
     nvsp_prior *prior = NULL;
-    EXPECT(NVSP_ERR_ARGUMENT, open_blocks(16, NVSP_PRIOR_UPDATES, &prior));
+    EXPECT(NVSP_ERR_ARGUMENT, open_blocks(16, NVSP_PRIOR_NEAR, &prior));
     CHECK(says(both.engine, "not with blocks_memory"));
     nvsp_prior_options options = NVSP_INITIALIZER(nvsp_prior_options);
     options.blocks_memory = 16;

@@ -311,6 +311,28 @@ uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
     return ~crc;
 }
 
+// The low byte first.
+static void put16(uint8_t *at, uint16_t value) {
+    at[0] = (uint8_t)value;
+    at[1] = (uint8_t)(value >> 8);
+}
+
+void seal_latent(uint8_t *packet, size_t latent) { put16(packet + latent - 2, crc16(0xffff, packet, latent - 2)); }
+
+void seal_session(uint8_t *packet) {
+    uint8_t *session = packet + SESSION_LATENT;
+    put16(session + SESSION - 2, crc16(0xffff, session, SESSION - 2));
+    put16(packet + 4, (uint16_t)crc32(0, session, SESSION - 2));
+    seal_latent(packet, SESSION_LATENT);
+}
+
+void seal_residual(uint8_t *packet, size_t latent, size_t size) {
+    const uint32_t before = crc32(0, packet, latent);
+    const uint8_t start[4] = {(uint8_t)before, (uint8_t)(before >> 8), (uint8_t)(before >> 16),
+                              (uint8_t)(before >> 24)};
+    put16(packet + latent, crc16(crc16(0xffff, start, 4), packet + latent + 2, size - latent - 2));
+}
+
 int all_are(const void *bytes, uint8_t value, size_t size) {
     const uint8_t *at = bytes;
     for (size_t i = 0; i < size; i++) {

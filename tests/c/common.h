@@ -115,6 +115,19 @@ double psnr(const uint8_t *a, const uint8_t *b, size_t size);
 uint16_t crc16(uint16_t crc, const uint8_t *bytes, size_t size);
 uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size);
 
+// Bytes of a latent part that states its pose by itself: in a packet that states prior and camera, as the first one
+// does, and in any other. And those of the session part behind the former.
+#define SESSION_LATENT 24
+#define LATENT 20
+#define SESSION 25
+
+// Makes the check of a latent part right.
+void seal_latent(uint8_t *packet, size_t latent);
+// For a packet that states prior and camera: the session part's check, the tag, and the latent part's check.
+void seal_session(uint8_t *packet);
+// Makes the check of a residual part right that ends a packet of `size` bytes, and comes right behind the latent part.
+void seal_residual(uint8_t *packet, size_t latent, size_t size);
+
 // Whether all bytes are `value`.
 int all_are(const void *bytes, uint8_t value, size_t size);
 

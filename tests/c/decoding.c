@@ -69,27 +69,44 @@ static void headers(void) {
     EXPECT(NVSP_OK, nvsp_prior_get_info(both.prior, &prior));
     CHECK(prior.splats == 4800 && prior.dropped == 0 && prior.sh_degree == 0 && prior.spread > 0);
     CHECK(prior.key_frames == 0);
-    // The first packet names prior and camera in full; the second does by a tag.
+    // The first packet states prior and camera; the second names them by a tag.
+    const uint32_t tag = crc32(0, packets[0].bytes + SESSION_LATENT, SESSION - 2) & 0xffff;
     for (uint32_t which = 0; which < 2; which++) {
         const packet one = packets[which];
-        const uint32_t latent = which == 0 ? 31 : 19, form = which == 0 ? 0 : NVSP_HEADER_SHORT;
+        const uint32_t latent = which == 0 ? SESSION_LATENT : LATENT, session = which == 0 ? NVSP_HEADER_SESSION : 0;
+        const uint32_t start = which == 0 ? SESSION_LATENT + SESSION : LATENT;
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, both.prior, &header));
-        EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, latent, both.prior, &alone));
+        EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, start, both.prior, &alone));
         CHECK(memcmp(&header, &alone, sizeof header) == 0);
         CHECK(header.frame == which && header.latent_bytes == latent);
-        CHECK(header.prior_id == (which == 0 ? prior.id : 0) && header.session < 256);
+        CHECK(header.prior_id == (which == 0 ? prior.id : 0) && header.tag == tag);
         CHECK(header.width == (which == 0 ? dive.camera.width : 0));
         CHECK(header.height == (which == 0 ? dive.camera.height : 0));
-        CHECK(header.flags == (NVSP_HEADER_POSE | form) && header.profile == NVSP_PROFILE_COMPACT);
+        CHECK(header.flags == (NVSP_HEADER_POSE | session));
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, one.size, 0, NULL, &info));
         CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, NULL, &header));
-        CHECK(header.flags == form && header.pose.rotation[0] == 0);
+        CHECK(header.flags == session && header.pose.rotation[0] == 0);
+        // The latent part alone.
+        EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, latent, both.prior, &header));
+        CHECK(header.flags == NVSP_HEADER_POSE && header.width == 0 && header.tag == tag);
+        CHECK(memcmp(&header.pose, &alone.pose, sizeof header.pose) == 0);
         for (size_t size = 0; size < latent; size++) {
             EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(one.bytes, size, both.prior, &header));
         }
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_header(one.bytes, SIZE_MAX, both.prior, &header));
     }
+    // One about another prior: the pose is not told.
+    uint8_t other[SESSION_LATENT + SESSION];
+    memcpy(other, packets[0].bytes, sizeof other);
+    other[SESSION_LATENT] ^= 1;
+    seal_session(other);
+    EXPECT(NVSP_OK, nvsp_decode_header(other, sizeof other, both.prior, &header));
+    CHECK(header.flags == NVSP_HEADER_SESSION && header.prior_id == (prior.id ^ 1) && header.tag != tag);
+    // A pose that is predicted from one that is not held: kind and frame number, the frame before, no base, no steps.
+    uint8_t predicted[11] = {0x19, 0, 5};
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(predicted, sizeof predicted, both.prior, &header));
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode(both.decoder, predicted, sizeof predicted, 0, NULL, NULL));
 }
 
 // Key frames are read from the file beside a prior.
@@ -117,11 +134,11 @@ static void papers_profile(void) {
     MUST(NVSP_INIT(&stats));
     MUST(NVSP_INIT(&header));
     EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, &stats));
-    EXPECT(NVSP_OK, nvsp_decode_header(bytes, 43, NULL, &header));
-    CHECK(header.profile == NVSP_PROFILE_PAPER && header.latent_bytes == 43 && header.frame == 5);
+    EXPECT(NVSP_OK, nvsp_decode_header(bytes, 36, NULL, &header));
+    CHECK(header.latent_bytes == 36 && header.frame == 5);
     CHECK(header.flags & NVSP_HEADER_POSE);
     CHECK(memcmp(&stats.pose, &header.pose, sizeof stats.pose) == 0);
-    EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, 42, NULL, &header));
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, 35, NULL, &header));
     nvsp_encoder_destroy(encoder);
 }
 
@@ -220,7 +237,7 @@ static void begun_and_finished(void) {
         CHECK(memcmp(pixels, shown[i], dive.size) == 0 && info.frame == (uint32_t)i);
     }
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_begin(decoder, packets[0].bytes, packets[0].size, 2));
-    EXPECT(NVSP_OK, nvsp_decode_begin(decoder, packets[0].bytes, 30, 0));
+    EXPECT(NVSP_OK, nvsp_decode_begin(decoder, packets[0].bytes, SESSION_LATENT - 1, 0));
     EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
     EXPECT(NVSP_ERR_PACKET, nvsp_decode_finish(decoder, &place, NULL));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
@@ -229,7 +246,7 @@ static void begun_and_finished(void) {
     free(pixels);
 }
 
-// Packets of another prior, or of a camera that was in a packet that is missing.
+// Packets of another prior, what comes after one, and packets of a camera that was in a packet that is missing.
 static void unknown_to_the_topside(void) {
     nvsp_prior *other = NULL;
     nvsp_decoder *decoder = NULL;
@@ -249,6 +266,16 @@ static void unknown_to_the_topside(void) {
     EXPECT(NVSP_ERR_ARGUMENT,
            nvsp_decode(decoder, packets[1].bytes, packets[1].size, 2, NULL, NULL));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode(decoder, packets[1].bytes, SIZE_MAX, 0, NULL, NULL));
+    // After a packet of another prior nothing is shown until one states this prior.
+    uint8_t strange[SESSION_LATENT + SESSION];
+    memcpy(strange, packets[0].bytes, sizeof strange);
+    strange[SESSION_LATENT] ^= 1;
+    seal_session(strange);
+    EXPECT(NVSP_ERR_OTHER_PRIOR, nvsp_decode(decoder, strange, sizeof strange, 0, NULL, &info));
+    EXPECT(NVSP_ERR_OTHER_PRIOR, nvsp_decode(decoder, packets[1].bytes, packets[1].size, 0, NULL, &info));
+    CHECK(says(decoder, "wait for one that states this prior"));
+    EXPECT(NVSP_OK, nvsp_decode(decoder, packets[0].bytes, packets[0].size, 0, NULL, &info));
+    EXPECT(NVSP_OK, nvsp_decode(decoder, packets[1].bytes, packets[1].size, 0, NULL, &info));
     nvsp_decoder_destroy(decoder);
 }
 
@@ -259,9 +286,9 @@ static void starts_of_packets(void) {
     nvsp_picture render_place = place_of(render, dive.camera.width, dive.camera.height);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     const packet one = packets[1];
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, 19, 0, &render_place, NULL));
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, LATENT, 0, &render_place, NULL));
     uint32_t rows = 0;
-    for (size_t size = 19; size <= one.size; size++) {
+    for (size_t size = LATENT; size <= one.size; size++) {
         nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, size, 0, &place, &info));
         CHECK(size == one.size ? info.rows == info.height && info.damage == NVSP_OK

@@ -58,7 +58,7 @@ static void short_buffers(void) {
     memset(bytes, 0xa5, sizeof bytes);
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
            nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, 0, &written, &stats));
-    const size_t rooms[] = {0, 1, 31, packets[0].size - 1};
+    const size_t rooms[] = {0, 1, SESSION_LATENT, packets[0].size - 1};
     for (size_t i = 0; i < 4; i++) {
         EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
                nvsp_encode_finish(encoder, bytes, rooms[i], &written, &stats));
@@ -323,20 +323,20 @@ static void rates(void) {
         EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, (float)budget));
         EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, (size_t)budget, &size,
                                     &stats));
-        CHECK(size <= (size_t)budget && size >= 19 && stats.latent_bytes == 19);
+        CHECK(size <= (size_t)budget && size >= LATENT && stats.latent_bytes == LATENT);
     }
     size_t size = 77;
-    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, 18));
+    EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_BYTES, LATENT - 1));
     EXPECT(NVSP_ERR_BUDGET, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, NULL));
     CHECK(size == 77);
     EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_NONE, 0));
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, NULL));
-    CHECK(size == 19);
-    // The camera comes with what names it in full.
+    CHECK(size == LATENT);
+    // Prior and camera come together.
     EXPECT(NVSP_ERR_NULL, nvsp_encoder_announce(NULL));
     EXPECT(NVSP_OK, nvsp_encoder_announce(both.encoder));
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, NULL));
-    CHECK(size == 31 + 18);
+    CHECK(size == SESSION_LATENT + SESSION);
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     EXPECT(NVSP_OK, nvsp_encoder_set_rate(both.encoder, NVSP_RATE_PSNR, 38));
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, bound, &size, &stats));
@@ -458,10 +458,9 @@ static void preprocessing(void) {
 static void options_and_cameras(void) {
     nvsp_encoder *encoder = NULL;
     nvsp_encoder_options options;
-    for (int i = 0; i < 9; i++) {
+    for (int i = 0; i < 8; i++) {
         MUST(NVSP_INIT(&options));
-        options.form = i == 7 ? 2 : 0;
-        options.residual = i == 8 ? 2 : 0;
+        options.residual = i == 7 ? 2 : 0;
         options.optimizer = i == 0 ? 4 : 0;
         options.profile = i == 1 ? 2 : 0;
         options.levels = i == 2 ? 7 : 0;

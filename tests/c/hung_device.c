@@ -105,7 +105,7 @@ static void decoding(void) {
     MUST(encode(&both, 2, bytes, &size));
     nvsp_header header = NVSP_INITIALIZER(nvsp_header);
     MUST(nvsp_decode_header(bytes, size, NULL, &header));
-    CHECK(header.frame == 2 && (header.flags & NVSP_HEADER_SHORT) == 0);
+    CHECK(header.frame == 2 && (header.flags & NVSP_HEADER_SESSION));
     hang();
     EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
     EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));

@@ -116,10 +116,10 @@ static void links(void) {
 static void packets_without_a_modem(void) {
     const nvsp_keys keys = keys_with(own_key, 7);
     nvsp_authenticator *authenticator = NULL;
-    nvsp_verifier *verifier = NULL, *updates = NULL;
+    nvsp_verifier *verifier = NULL, *reports = NULL;
     MUST(nvsp_authenticator_create(&keys, NVSP_CONTENT_PACKET, &authenticator));
     MUST(nvsp_verifier_create(&keys, NVSP_CONTENT_PACKET, &verifier));
-    MUST(nvsp_verifier_create(&keys, NVSP_CONTENT_UPDATE, &updates));
+    MUST(nvsp_verifier_create(&keys, NVSP_CONTENT_REPORT, &reports));
     uint8_t bytes[4096];
     size_t written = 0, offset = 77;
     const size_t size = packets[0].size;
@@ -131,7 +131,7 @@ static void packets_without_a_modem(void) {
     EXPECT(NVSP_OK, nvsp_authenticator_next_number(authenticator, &number));
     CHECK(number == 0);
     EXPECT(NVSP_OK, nvsp_authenticate(authenticator, 0, packets[0].bytes, size, bytes, size + 6, &written));
-    EXPECT(NVSP_ERR_FOREIGN, nvsp_verify(updates, bytes, written, &offset));
+    EXPECT(NVSP_ERR_FOREIGN, nvsp_verify(reports, bytes, written, &offset));
     for (size_t cut = 0; cut < written; cut++) {
         EXPECT(NVSP_ERR_FOREIGN, nvsp_verify(verifier, bytes, cut, &offset));
     }
@@ -141,7 +141,7 @@ static void packets_without_a_modem(void) {
     EXPECT(NVSP_ERR_REPLAYED, nvsp_verify(verifier, bytes, written, &offset));
     nvsp_authenticator_destroy(authenticator);
     nvsp_verifier_destroy(verifier);
-    nvsp_verifier_destroy(updates);
+    nvsp_verifier_destroy(reports);
 }
 
 // Keys that cannot be used: nothing is made.
@@ -180,6 +180,24 @@ static void refusals(void) {
     options.frame_rate = 4;
     options.keys = &keys;
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(21, &options, &sender));
+    EXPECT(NVSP_OK, nvsp_sender_create(22, &options, &sender));
+    nvsp_sender_destroy(sender);
+    sender = NULL;
+    // Without protection modem frames of 8 bytes will do, and on the other side always.
+    options.flags = NVSP_SENDER_UNPROTECTED;
+    EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(13, &options, &sender));
+    EXPECT(NVSP_OK, nvsp_sender_create(14, &options, &sender));
+    nvsp_sender_destroy(sender);
+    sender = NULL;
+    nvsp_collector *collector = NULL;
+    nvsp_collector_options collects = NVSP_INITIALIZER(nvsp_collector_options);
+    uint64_t memory = 77;
+    collects.keys = &keys;
+    EXPECT(NVSP_ERR_MODEM, nvsp_collector_create(13, &collects, &collector));
+    EXPECT(NVSP_ERR_MODEM, nvsp_collector_memory(13, &collects, &memory));
+    CHECK(memory == 77 && collector == NULL);
+    EXPECT(NVSP_OK, nvsp_collector_create(14, &collects, &collector));
+    nvsp_collector_destroy(collector);
     keys.struct_size = 5;
     EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_sender_create(NVSP_MTU_64, &options, &sender));
     CHECK(made == NULL && sender == NULL);

@@ -180,23 +180,20 @@ static nvsp_status try_stream(void) {
 }
 
 // A valid packet of 49 bytes that names a picture of 2048 by 2048.
-static uint8_t hostile[49];
+static uint8_t hostile[SESSION_LATENT + SESSION];
 
-// The first packet with another size and camera, without a difference picture: src/packet/mod.rs has the format.
+// The first packet with another size and camera, without a difference picture: docs/format/packet.md has the format.
 static void make_hostile(void) {
     const uint32_t side = 2047, size = side | side << 12;
     const float camera[4] = {2000, 2000, 1024, 1024};
-    memcpy(hostile, packets[0].bytes, 31);
-    hostile[1] = 1 | 1 << 3;
+    memcpy(hostile, packets[0].bytes, sizeof hostile);
+    hostile[0] &= 0x1f;
+    hostile[1] = 4;
     for (int i = 0; i < 3; i++) {
-        hostile[9 + i] = (uint8_t)(size >> 8 * i);
+        hostile[SESSION_LATENT + 4 + i] = (uint8_t)(size >> 8 * i);
     }
-    memcpy(hostile + 31, camera, 16);
-    const uint16_t check = crc16(crc16(0xffff, hostile + 9, 3), hostile + 31, 16);
-    memcpy(hostile + 47, &check, 2);
-    hostile[28] = (uint8_t)check;
-    const uint16_t latent = crc16(0xffff, hostile, 29);
-    memcpy(hostile + 29, &latent, 2);
+    memcpy(hostile + SESSION_LATENT + 7, camera, 16);
+    seal_session(hostile);
 }
 
 static nvsp_status try_hostile(void) {

@@ -47,35 +47,24 @@ static nvsp_collector *new_collector(uint32_t streams) {
     return made;
 }
 
-// A short packet like one that was encoded, with another frame number and another payload of at most `budget` bytes in
-// all; src/packet/mod.rs has the format.
+// A packet like one that was encoded, with another frame number and another payload of at most `budget` bytes in all;
+// docs/format/packet.md has the format.
 static size_t numbered(uint8_t *bytes, uint32_t frame, size_t budget) {
-    const size_t latent = 19, most = budget < 150 ? budget : 150;
+    const size_t most = budget < 150 ? budget : 150;
     const packet *like = &packets[1];
-    CHECK(like->bytes[0] >> 4 == 0xb && ((like->bytes[0] & 0xf) == 4 || (like->bytes[0] & 0xf) == 7));
-    memcpy(bytes, like->bytes, latent);
-    bytes[1] = (uint8_t)((bytes[1] & 7) | 2 << 4);  // A payload, no camera, no check of the render.
+    CHECK((like->bytes[0] & 0x1f) == 0);
+    memcpy(bytes, like->bytes, LATENT);
+    bytes[0] = 3 << 5;  // A payload of no stream, and nothing else.
+    bytes[1] &= 3 << 4;
     bytes[2] = (uint8_t)frame;
     bytes[3] = (uint8_t)(frame >> 8);
-    const uint16_t check = crc16(0xffff, bytes, latent - 2);
-    memcpy(bytes + latent - 2, &check, 2);
-    size_t size = latent;
-    const size_t payload = most - latent - 4;
-    if (payload >= 0x80) {
-        bytes[size++] = (uint8_t)(payload | 0x80);
-        bytes[size++] = (uint8_t)(payload >> 7);
-    } else {
-        bytes[size++] = (uint8_t)payload;
+    seal_latent(bytes, LATENT);
+    for (size_t i = LATENT + 2; i < most; i++) {
+        bytes[i] = (uint8_t)random_bits(&seed);
     }
-    for (size_t i = 0; i < payload; i++) {
-        bytes[size++] = (uint8_t)random_bits(&seed);
-    }
-    const uint32_t latent_check = crc32(0, bytes, latent);
-    const uint8_t start[4] = {(uint8_t)latent_check, (uint8_t)(latent_check >> 8), (uint8_t)(latent_check >> 16),
-                              (uint8_t)(latent_check >> 24)};
-    const uint16_t residual = crc16(crc16(0xffff, start, 4), bytes + latent, size - latent);
-    memcpy(bytes + size, &residual, 2);
-    return size + 2;
+    bytes[most - 1] |= 1;  // A zero would be padding.
+    seal_residual(bytes, LATENT, most);
+    return most;
 }
 
 // Bytes that the process has in memory.
@@ -93,7 +82,7 @@ static size_t resident(void) {
 static uint8_t late[16][MTU];
 static size_t late_sizes[16], late_count;
 static double late_since[16];
-// Seconds that one is held back at most. 64 frames later its number would mean another frame.
+// Seconds that one is held back at most. 128 frames later its number would mean another frame.
 #define LATEST 3.0
 
 typedef struct tally {
@@ -124,9 +113,9 @@ static void check_fetched(nvsp_collector *collector, const nvsp_collected *state
 
 // As many shares as the division says must give a picture, or all that was sent.
 static void check_enough(nvsp_collector *collector, const uint8_t *share, tally *all) {
-    const uint32_t number = (uint32_t)(share[0] & 0xf) << 3 | share[1] >> 5;
+    const uint32_t number = (uint32_t)(share[0] & 0xf) << 4 | share[1] >> 4;
     const uint32_t at = number % KEPT;
-    if (sent_frames[at] % 128 == number) {
+    if (sent_frames[at] % 256 == number) {
         uint8_t bits[32], bytes[MAX_PACKET];
         uint32_t sent = 0, arrived = 0;
         size_t size = 0;
@@ -237,7 +226,7 @@ static void long_run(void) {
     tally all = {0, 0, 0, 0, 0, 0};
     size_t before = 0;
     double free_at = 0, now = 0;
-    const uint32_t first = 65000;  // The numbers of short packets begin anew on the way.
+    const uint32_t first = 65000;  // The numbers in packets begin anew on the way.
     for (long k = 0; k < frames; k++) {
         const uint32_t frame = first + (uint32_t)k;
         now = (double)k / FRAMES_A_SECOND;
@@ -343,8 +332,8 @@ static void pictures(void) {
         }
         EXPECT(NVSP_OK, nvsp_collector_missing(collector, 2, (uint32_t)i, missing, 4, &count));
         CHECK(state.complete ? count == 0 : count == skipped && missing[0] == lost_index);
-        // Another frame of the same number modulo 128, and another stream.
-        const uint32_t other = (uint32_t)i + 128;
+        // Another frame of the same number modulo 256, and another stream.
+        const uint32_t other = (uint32_t)i + 256;
         EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 2, other, bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 1, (uint32_t)i, bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_fetch(collector, 3, (uint32_t)i, bytes, sizeof bytes, &size, NULL));
@@ -505,12 +494,12 @@ static void extra_bytes(void) {
         EXPECT(NVSP_OK, nvsp_encode(made, &image, with_hint(i == 0 ? &dive.poses[0] : NULL), bytes, sizeof bytes,
                                     &sizes[i], NULL));
     }
-    // The longer check is that of a difference picture.
-    CHECK(extra[1] == 0 && sizes[1] == 19 && extra[0] == sizes[0] - sizes[1] + 2);
+    CHECK(extra[1] == 0 && sizes[1] == LATENT && sizes[0] == SESSION_LATENT + SESSION);
+    CHECK(extra[0] == sizes[0] - sizes[1]);
     nvsp_encoder_destroy(made);
 }
 
-// The topside tells what came: pictures that lack shares get them again, and the vehicle learns of bytes and frames.
+// The topside tells what came: pictures that lack shares get them again, and the vehicle is told of bytes and frames.
 static void reports(void) {
     nvsp_sender_options options = link_options();
     options.latency = 3;
@@ -523,7 +512,7 @@ static void reports(void) {
     EXPECT(NVSP_PENDING, nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, MTU, &size));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_report(collector, 1, NULL, 0, NULL, 0, bytes, MTU, &size));
     // Of frame 3 nothing comes.
-    for (uint32_t frame = 0; frame < 12; frame++) {
+    for (uint32_t frame = 0; frame < 14; frame++) {
         const double now = frame / FRAMES_A_SECOND;
         uint32_t budget = 0;
         EXPECT(NVSP_OK, nvsp_sender_plan(sender, now, &budget));
@@ -552,7 +541,7 @@ static void reports(void) {
         EXPECT(NVSP_ERR_MODEM, nvsp_sender_process_report(sender, 1, bytes, cut, &processed));
     }
     EXPECT(NVSP_OK, nvsp_sender_process_report(sender, 1, bytes, MTU, &processed));
-    CHECK(processed.newest == 11 && processed.reported == 16);
+    CHECK(processed.newest == 13 && processed.reported == 16);
     CHECK(processed.kept_count == 2 && processed.kept[0] == 7 && processed.kept[1] == 2);
     CHECK(processed.user_bytes == sizeof user && memcmp(bytes + processed.user_offset, user, sizeof user) == 0);
     CHECK(processed.loss > 0.1 && processed.loss < 0.3 && processed.resent_shares > 0 && processed.resent_bytes > 0);
@@ -561,7 +550,7 @@ static void reports(void) {
         EXPECT(NVSP_OK, nvsp_sender_next(sender, 1, bytes, MTU, &size));
         EXPECT(NVSP_OK, nvsp_collector_push(collector, 1.2, bytes, size, &state));
     }
-    CHECK(state.frame == 3 && state.bytes >= 19);
+    CHECK(state.frame == 3 && state.bytes >= LATENT);
     EXPECT(NVSP_PENDING, nvsp_sender_next(sender, 1, bytes, MTU, &size));
     nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
     EXPECT(NVSP_OK, nvsp_sender_get_statistics(sender, &sent));
@@ -633,7 +622,7 @@ static void out_of_range(void) {
     for (int i = 0; i < 6; i++) {
         nvsp_collector_options options = NVSP_INITIALIZER(nvsp_collector_options);
         uint64_t bytes = 77;
-        options.shares = i == 0 ? 4097 : 0;
+        options.shares = i == 0 ? 2049 : 0;
         options.packets = i == 1 ? 65 : 0;
         options.streams = i == 2 ? 5 : 0;
         options.age = i == 3 ? -1 : i == 4 ? NAN : 0;
@@ -661,13 +650,14 @@ static void garbage(void) {
         }
         if (size >= 9 && k % 4 != 0) {
             bytes[0] = 0x40 | (bytes[0] & 0x30);  // A share of few frame numbers.
-            bytes[1] &= 0xf;
-            bytes[3] = (uint8_t)(1 + bytes[3] % 4);
-            bytes[4] %= 4;
-            const size_t data = (size_t)bytes[3] + bytes[4];
-            if (7 + data <= size) {
-                const uint16_t check = crc16(crc16(0xffff, bytes, 5), bytes + 7, data);
-                memcpy(bytes + 5, &check, 2);
+            bytes[1] &= 0x1f;
+            uint8_t *lengths = bytes + (bytes[1] & 8 ? 4 : 3);  // Index and count take two bytes, or one.
+            lengths[0] = (uint8_t)(1 + lengths[0] % 4);
+            lengths[1] %= 4;
+            const size_t header = (size_t)(lengths + 2 - bytes), data = (size_t)lengths[0] + lengths[1];
+            if (header + 2 + data <= size) {
+                const uint16_t check = crc16(crc16(0xffff, bytes, header), bytes + header + 2, data);
+                memcpy(bytes + header, &check, 2);
             }
         }
         nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);

@@ -179,8 +179,6 @@ static nvsp_status truth(void *structure) {
     return status;
 }
 
-static nvsp_status learning(void *structure) { return nvsp_encoder_get_learning(both.encoder, structure); }
-
 static nvsp_status prior_blocks(void *structure) {
     nvsp_prior *prior = NULL;
     nvsp_prior_options options = NVSP_INITIALIZER(nvsp_prior_options);
@@ -199,34 +197,31 @@ static const struct {
     size_t size;
     caller call;
     int output;
-    // Bytes that the first version had, if it has grown since.
-    size_t first;
 } structures[] = {
-    {sizeof(nvsp_engine_options), engine_options, 0, 0},
-    {sizeof(nvsp_engine_info), engine_info, 1, 0},
-    {sizeof(nvsp_device_info), device_info, 1, 0},
-    {sizeof(nvsp_memory_estimate), estimate, 1, 0},
-    {sizeof(nvsp_prior_options), prior_options, 0, 36},
-    {sizeof(nvsp_prior_info), prior_info, 1, 80},
-    {sizeof(nvsp_prior_blocks), prior_blocks, 1, 0},
-    {sizeof(nvsp_encoder_options), encoder_options, 0, 80},
-    {sizeof(nvsp_frame_info), frame_info, 0, 0},
-    {sizeof(nvsp_frame_info), begun_info, 0, 0},
-    {sizeof(nvsp_frame_stats), frame_stats, 1, 192},
-    {sizeof(nvsp_decoded), decoded, 1, 0},
-    {sizeof(nvsp_truth), truth, 1, 0},
-    {sizeof(nvsp_learning), learning, 1, 0},
-    {sizeof(nvsp_header), header, 1, 0},
-    {sizeof(nvsp_pose), between_out, 1, 0},
-    {sizeof(nvsp_collector_options), collector_options, 0, 32},
-    {sizeof(nvsp_collector_options), collector_memory, 0, 32},
-    {sizeof(nvsp_collected), collected, 1, 0},
-    {sizeof(nvsp_collected), collected_newest, 1, 0},
-    {sizeof(nvsp_collected), collected_fetch, 1, 0},
-    {sizeof(nvsp_collector_statistics), collector_statistics, 1, 96},
-    {sizeof(nvsp_division), division, 1, 0},
-    {sizeof(nvsp_sender_statistics), sender_statistics, 1, 88},
-    {sizeof(nvsp_processed_report), processed_report, 1, 0},
+    {sizeof(nvsp_engine_options), engine_options, 0},
+    {sizeof(nvsp_engine_info), engine_info, 1},
+    {sizeof(nvsp_device_info), device_info, 1},
+    {sizeof(nvsp_memory_estimate), estimate, 1},
+    {sizeof(nvsp_prior_options), prior_options, 0},
+    {sizeof(nvsp_prior_info), prior_info, 1},
+    {sizeof(nvsp_prior_blocks), prior_blocks, 1},
+    {sizeof(nvsp_encoder_options), encoder_options, 0},
+    {sizeof(nvsp_frame_info), frame_info, 0},
+    {sizeof(nvsp_frame_info), begun_info, 0},
+    {sizeof(nvsp_frame_stats), frame_stats, 1},
+    {sizeof(nvsp_decoded), decoded, 1},
+    {sizeof(nvsp_truth), truth, 1},
+    {sizeof(nvsp_header), header, 1},
+    {sizeof(nvsp_pose), between_out, 1},
+    {sizeof(nvsp_collector_options), collector_options, 0},
+    {sizeof(nvsp_collector_options), collector_memory, 0},
+    {sizeof(nvsp_collected), collected, 1},
+    {sizeof(nvsp_collected), collected_newest, 1},
+    {sizeof(nvsp_collected), collected_fetch, 1},
+    {sizeof(nvsp_collector_statistics), collector_statistics, 1},
+    {sizeof(nvsp_division), division, 1},
+    {sizeof(nvsp_sender_statistics), sender_statistics, 1},
+    {sizeof(nvsp_processed_report), processed_report, 1},
 };
 
 // Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,
@@ -249,25 +244,18 @@ static nvsp_status call_with(caller call, size_t room, uint32_t size, uint32_t v
     return status;
 }
 
-static void refusals(caller call, size_t size, size_t first) {
-    const uint32_t wrong_sizes[] = {0, 1, 7, 8, (uint32_t)first - 1, 4097, 1u << 31, UINT32_MAX};
+static void refusals(caller call, size_t size) {
+    const uint32_t wrong_sizes[] = {0, 1, 7, 8, (uint32_t)size - 1, 4097, 1u << 31, UINT32_MAX};
     for (size_t i = 0; i < sizeof wrong_sizes / sizeof *wrong_sizes; i++) {
         const uint32_t wrong = wrong_sizes[i];
         // Of a size that no structure has, the head alone may be looked at.
-        const size_t room = wrong == (uint32_t)first - 1 ? size : 8;
+        const size_t room = wrong == (uint32_t)size - 1 ? size : 8;
         EXPECT(NVSP_ERR_STRUCT_SIZE, call_with(call, room, wrong, NVSP_ABI_VERSION, 0, NULL));
     }
     const uint32_t wrong_versions[] = {0, NVSP_ABI_VERSION + 1, UINT32_MAX};
     for (size_t i = 0; i < sizeof wrong_versions / sizeof *wrong_versions; i++) {
         EXPECT(NVSP_ERR_ABI_VERSION,
                call_with(call, size, (uint32_t)size, wrong_versions[i], 0, NULL));
-    }
-}
-
-// A program with an older header, whose structure is smaller: of every size since the first.
-static void older(caller call, size_t first, size_t size) {
-    for (; first < size; first += 4) {
-        EXPECT(NVSP_OK, call_with(call, first, (uint32_t)first, NVSP_ABI_VERSION, 0, NULL));
     }
 }
 
@@ -381,20 +369,18 @@ static void others(void) {
         const void *valid;
         size_t size;
         caller call;
-        // As in `structures`.
-        size_t first;
     } all[] = {
-        {&camera, sizeof camera, camera_in, 0},
-        {&pose, sizeof pose, pose_in, 0},
-        {&image, sizeof image, image_in, 0},
-        {&picture, sizeof picture, picture_in, 0},
-        {&lens, sizeof lens, lens_in, 0},
-        {&mask, sizeof mask, mask_in, 0},
-        {&sender_options, sizeof sender_options, sender_options_in, 88},
-        {&keys, sizeof keys, keys_in, 0},
-        {&pose, sizeof pose, draw_pose, 0},
-        {&picture, sizeof picture, draw_picture, 0},
-        {&pose, sizeof pose, between_poses, 0},
+        {&camera, sizeof camera, camera_in},
+        {&pose, sizeof pose, pose_in},
+        {&image, sizeof image, image_in},
+        {&picture, sizeof picture, picture_in},
+        {&lens, sizeof lens, lens_in},
+        {&mask, sizeof mask, mask_in},
+        {&sender_options, sizeof sender_options, sender_options_in},
+        {&keys, sizeof keys, keys_in},
+        {&pose, sizeof pose, draw_pose},
+        {&picture, sizeof picture, draw_picture},
+        {&pose, sizeof pose, between_poses},
     };
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
         const size_t size = all[i].size;
@@ -407,7 +393,7 @@ static void others(void) {
         words[0] = (uint32_t)size + 24;
         ((uint8_t *)words)[size + 23] = 1;
         EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
-        const uint32_t bad[] = {0, 7, (uint32_t)(all[i].first > 0 ? all[i].first : size) - 1, 4097, UINT32_MAX};
+        const uint32_t bad[] = {0, 7, (uint32_t)size - 1, 4097, UINT32_MAX};
         for (size_t b = 0; b < sizeof bad / sizeof *bad; b++) {
             words[0] = bad[b];
             EXPECT(NVSP_ERR_STRUCT_SIZE, all[i].call(words));
@@ -586,11 +572,7 @@ int main(int argc, char **argv) {
     estimates();
     pipeline_cache();
     for (size_t i = 0; i < sizeof structures / sizeof *structures; i++) {
-        const size_t size = structures[i].size, first = structures[i].first;
-        refusals(structures[i].call, size, first == 0 ? size : first);
-        if (first != 0) {
-            older(structures[i].call, first, size);
-        }
+        refusals(structures[i].call, structures[i].size);
         newer(structures[i].call, structures[i].size, structures[i].output);
     }
     nvsp_sender_destroy(sender);

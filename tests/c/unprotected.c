@@ -16,6 +16,12 @@ typedef struct split {
     uint8_t *frames[MAX_MODEM_FRAMES];
 } split;
 
+// Bytes of a packet that the first shares hold. Its modem frames state the low byte of its frame number, or all of it
+// travels in shares of one byte of header.
+static size_t held_by(uint32_t mtu, uint32_t shares) {
+    return mtu < 16 ? (size_t)shares * (mtu - 1) : 1 + (mtu - 2) + (size_t)(shares - 1) * (mtu - 4);
+}
+
 static split split_packet(const packet *packet, uint32_t mtu, int pad) {
     split done = {0};
     nvsp_sender *sender = NULL;
@@ -30,7 +36,7 @@ static split split_packet(const packet *packet, uint32_t mtu, int pad) {
     }
     CHECK(division.packet_bytes == packet->size && division.whole_shares == done.count);
     CHECK(division.picture_shares >= 1 && division.picture_shares <= done.count);
-    CHECK(division.link_bytes == packet->size + 4 * (done.count - 1));
+    CHECK(division.link_bytes == packet->size + (mtu < 16 ? done.count : 1 + 4 * (done.count - 1)));
     size_t total = 0;
     for (uint32_t i = 0; i < done.count; i++) {
         uint8_t *frame = malloc(mtu);
@@ -39,7 +45,10 @@ static split split_packet(const packet *packet, uint32_t mtu, int pad) {
         CHECK(done.sizes[i] <= mtu && all_are(frame + done.sizes[i], 0xa5, mtu - done.sizes[i]));
         CHECK(done.sizes[i] == mtu || i + 1 == done.count);
         total += done.sizes[i];
-        done.sizes[i] = pad ? mtu : done.sizes[i];
+        if (pad) {
+            memset(frame + done.sizes[i], 0, mtu - done.sizes[i]);
+            done.sizes[i] = mtu;
+        }
         done.frames[i] = realloc(frame, done.sizes[i]);  // No larger: a memory checker sees more.
     }
     double due = 77;
@@ -85,7 +94,7 @@ static nvsp_collected fetch_and_show(nvsp_collector *collector, const packet *pa
     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
     nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     EXPECT(NVSP_OK, nvsp_collector_fetch(collector, 0, number_of(packet), bytes, sizeof bytes, &size, &state));
-    CHECK(size >= 19 && size <= packet->size && state.bytes == size && state.event == 0);
+    CHECK(size >= LATENT && size <= packet->size && state.bytes == size && state.event == 0);
     CHECK(memcmp(bytes, packet->bytes, size) == 0);
     CHECK(state.complete == (size == packet->size) && state.ended == state.complete && state.user_bytes == 0);
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, NVSP_DECODE_START, NULL, &info));
@@ -118,11 +127,18 @@ static void losses(const packet *packet, uint32_t mtu, int pad) {
             repeated++;
         }
     }
-    const nvsp_collected state = fetch_and_show(collector, packet);
-    // Until the packet's length has come, only frames without a gap are known to be the packet's.
-    CHECK(state.arrived == (state.sent == 0 ? first : frames.count - number));
-    CHECK(state.sent == 0 || state.sent == frames.count);
-    CHECK(first == frames.count ? state.complete : state.bytes == mtu + (size_t)(first - 1) * (mtu - 4));
+    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+    if (held_by(mtu, first) < (number_of(packet) == 0 ? SESSION_LATENT : LATENT)) {
+        // Not even a pose has come.
+        uint8_t bytes[MAX_PACKET];
+        size_t size = 0;
+        EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, number_of(packet), bytes, sizeof bytes, &size, NULL));
+    } else {
+        state = fetch_and_show(collector, packet);
+        CHECK(state.arrived == frames.count - number);
+        CHECK(state.sent == 0 || state.sent == frames.count);
+        CHECK(first == frames.count ? state.complete : state.bytes == held_by(mtu, first));
+    }
     nvsp_collector_statistics counts = NVSP_INITIALIZER(nvsp_collector_statistics);
     EXPECT(NVSP_OK, nvsp_collector_get_statistics(collector, &counts));
     CHECK(counts.accepted + counts.waiting == frames.count - number && counts.duplicates == repeated);
@@ -183,6 +199,48 @@ static void damage(const packet *packet, uint32_t mtu) {
     CHECK(fetch_and_show(collector, packet).complete == 1);
     nvsp_collector_destroy(collector);
     split_free(&frames);
+}
+
+// Packets of at most eight small modem frames, swapped, padded and repeated, one of which is lost and comes later.
+static void small_modems(void) {
+    for (uint32_t mtu = 8; mtu < 16; mtu++) {
+        nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+        options.rate = NVSP_RATE_BYTES;
+        options.rate_value = 8 * ((float)mtu - 1);
+        nvsp_encoder *encoder = new_encoder(&options);
+        for (int i = 0; i < 4; i++) {
+            uint8_t bytes[8 * 15], held[8 * 15];
+            packet one = {bytes, 0};
+            const nvsp_image image = scene_image(&dive, i);
+            MUST(nvsp_encode(encoder, &image, with_hint(&dive.poses[i]), bytes, sizeof bytes, &one.size, NULL));
+            split frames = split_packet(&one, mtu, i % 2);
+            CHECK(frames.count <= 8 && one.size > held_by(mtu, frames.count - 1));
+            nvsp_collector *collector = new_collector(mtu, 1);
+            const uint32_t lost = 1 + random_below(&seed, frames.count - 1);
+            for (uint32_t k = frames.count; k-- > 0;) {
+                if (k != lost) {
+                    push(collector, frames.frames[k], frames.sizes[k]);
+                    CHECK(push(collector, frames.frames[k], frames.sizes[k]) == NVSP_EVENT_DUPLICATE);
+                }
+            }
+            size_t size = 0;
+            nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
+            const nvsp_status status =
+                nvsp_collector_fetch(collector, 0, (uint32_t)i, held, sizeof held, &size, &state);
+            CHECK((status == NVSP_OK) == (held_by(mtu, lost) >= (i == 0 ? SESSION_LATENT : LATENT)));
+            if (status == NVSP_OK) {
+                CHECK(size == held_by(mtu, lost) && state.complete == 0 && memcmp(held, bytes, size) == 0);
+                EXPECT(NVSP_OK, nvsp_decode(both.decoder, held, size, NVSP_DECODE_START, NULL, NULL));
+            }
+            CHECK(push(collector, frames.frames[lost], frames.sizes[lost]) == NVSP_EVENT_COMPLETE);
+            EXPECT(NVSP_OK, nvsp_collector_fetch(collector, 0, (uint32_t)i, held, sizeof held, &size, &state));
+            CHECK(state.complete == 1 && size == one.size && memcmp(held, bytes, size) == 0);
+            EXPECT(NVSP_OK, nvsp_decode(both.decoder, held, size, 0, NULL, NULL));
+            nvsp_collector_destroy(collector);
+            split_free(&frames);
+        }
+        nvsp_encoder_destroy(encoder);
+    }
 }
 
 static void nothing_to_fetch(void) {
@@ -257,31 +315,43 @@ static void out_of_range(void) {
     nvsp_sender *sender = NULL;
     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
     options.flags = NVSP_SENDER_UNPROTECTED;
-    const uint32_t mtus[] = {0, 1, 30, 65536, UINT32_MAX};
+    const uint32_t mtus[] = {0, 1, 7, 65536, UINT32_MAX};
     for (int i = 0; i < 5; i++) {
         EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(mtus[i], &options, &sender));
     }
-    for (int i = 0; i < 6; i++) {
+    for (int i = 0; i < 5; i++) {
         nvsp_sender_options wrong = options;
-        wrong.shares = i == 0 ? 4097 : 0;
-        wrong.stream = i == 1;
-        wrong.user_bytes = i == 2;
-        wrong.flags |= i == 3 ? 8 : i == 4 ? NVSP_SENDER_EXPECT_REPORTS : 0;
-        wrong.bit_rate = i == 5 ? -1 : 0;
+        wrong.stream = i == 0;
+        wrong.user_bytes = i == 1;
+        wrong.flags |= i == 2 ? 8 : i == 3 ? NVSP_SENDER_EXPECT_REPORTS : 0;
+        wrong.bit_rate = i == 4 ? -1 : 0;
         EXPECT(NVSP_ERR_ARGUMENT, nvsp_sender_create(64, &wrong, &sender));
     }
-    // Without protection only a collector whose MTU holds a packet's start takes anything.
-    nvsp_collector *collector = new_collector(30, 0);
-    EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, one.bytes, one.size, NULL));
+    // More shares than indices tell apart count as so many.
+    const struct {
+        uint32_t mtu, shares, most;
+    } counts[] = {{64, 2049, 2048}, {64, UINT32_MAX, 2048}, {16, 0, 2048}, {15, 9, 8}, {8, 0, 8}};
+    uint32_t budget = 0;
+    for (int i = 0; i < 5; i++) {
+        options.shares = counts[i].shares;
+        MUST(nvsp_sender_create(counts[i].mtu, &options, &sender));
+        EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
+        CHECK(budget == held_by(counts[i].mtu, counts[i].most));
+        nvsp_sender_destroy(sender);
+    }
+    // A collector whose MTU no packet has takes nothing.
+    nvsp_collector *collector = new_collector(7, 0);
+    split small = split_packet(&one, 64, 0);
+    EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, small.frames[0], small.sizes[0], NULL));
+    split_free(&small);
     nvsp_collector_destroy(collector);
     options.shares = 3;
     MUST(nvsp_sender_create(64, &options, &sender));
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, one.bytes, one.size, NULL, 0, NULL));
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, one.bytes, one.size - 1, NULL, 0, NULL));
     EXPECT(NVSP_ERR_STATE, nvsp_sender_set_bit_rate(sender, 0, 5000));
-    uint32_t budget = 0;
     EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
-    CHECK(budget == 64 + 2 * 60);
+    CHECK(budget == held_by(64, 3));
     nvsp_sender_destroy(sender);
 
     // Of a packet that is too long the start is kept. Room for the largest packet may be asked for.
@@ -294,12 +364,14 @@ static void out_of_range(void) {
         CHECK(status == (i < 3 ? NVSP_OK : NVSP_ERR_MODEM));
     }
     const nvsp_collected state = fetch_and_show(collector, &packets[0]);
-    CHECK(state.complete == 0 && state.bytes == 64 + 2 * 60 && state.sent == frames.count);
+    CHECK(state.complete == 0 && state.bytes == held_by(64, 3) && state.sent == 0);
     split_free(&frames);
     nvsp_collector_destroy(collector);
-    room.shares = 4096;
+    room.shares = 2048;
     EXPECT(NVSP_OK, nvsp_collector_create(31, &room, &collector));
     nvsp_collector_destroy(collector);
+    room.shares = 2049;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_create(31, &room, &collector));
 }
 
 int main(int argc, char **argv) {
@@ -311,14 +383,15 @@ int main(int argc, char **argv) {
     encode_all(&both, &dive, packets);
     MUST(nvsp_decoder_add_camera(both.decoder, &dive.camera));
 
-    const uint32_t mtus[] = {NVSP_MTU_31, NVSP_MTU_64, NVSP_MTU_256, NVSP_MTU_1024, 100};
-    for (int m = 0; m < 5; m++) {
+    const uint32_t mtus[] = {16, NVSP_MTU_31, NVSP_MTU_64, NVSP_MTU_256, NVSP_MTU_1024, 100};
+    for (int m = 0; m < 6; m++) {
         for (int i = 0; i < (few() ? 2 : dive.frames); i++) {
             losses(&packets[i], mtus[m], i % 2);
         }
         damage(&packets[0], mtus[m]);
         damage(&packets[1], mtus[m]);
     }
+    small_modems();
     nothing_to_fetch();
     paced();
     out_of_range();

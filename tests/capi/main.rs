@@ -44,7 +44,6 @@ programs! {
     given_device: [];
     dmabuf: [];
     unprotected: [];
-    updates: [];
     garbage: [];
     allocations: [];
     soak: ["200"];

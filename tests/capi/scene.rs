@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
-use nvsprior::prior::{KeyFrames, compact};
+use nvsprior::prior::{Extras, KeyFrames, compact, extras_file};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Prior};
 
@@ -28,11 +28,10 @@ pub fn folder() -> &'static Path {
 }
 
 /// Writes `prior.ply`, `prior.nvsg`, `prior.nvsb`, `other.ply` with three key frames beside it, `frame-0.ppm` and so
-/// on; `update-1.nvsu` and `update-2.nvsu`, a chain of updates of the prior; `preprocessed.ply`, the same prior with a
-/// preprocessing, and `treated-0.ppm`, the first frame as that leaves it; `expected-0.nvsp` and `expected-0.ppm`, the
-/// first frame's packet and what it shows, by which `scripts/c-test.sh` sees whether the library as it is installed,
-/// built by another profile, gives the same bytes; and `scene.txt`: one line with the camera
-/// (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
+/// on; `preprocessed.ply`, the same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it;
+/// `expected-0.nvsp` and `expected-0.ppm`, the first frame's packet and what it shows, by which `scripts/c-test.sh`
+/// sees whether the library as it is installed, built by another profile, gives the same bytes; and `scene.txt`: one
+/// line with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
     let prior = wall::wall(1);
@@ -43,11 +42,11 @@ fn write(folder: &Path) {
     wall::write_prior(&other, &wall::wall(2));
     let key_frames = (0..3).map(|t| wall::pose(f64::from(t))).collect();
     let key_frames = KeyFrames::new(key_frames).unwrap();
-    key_frames.save(&KeyFrames::path_beside(&other)).unwrap();
+    let extras = Extras { key_frames, ..Extras::default() };
+    let id = Prior::open(&other, &Default::default()).unwrap().id();
+    let beside = extras_file::to_bytes(&extras, id, wall::wall(2).len());
+    std::fs::write(extras_file::path_beside(&other), beside).unwrap();
 
-    for (k, (update, _)) in (1..).zip(wall::chain(&prior, 2)) {
-        std::fs::write(folder.join(format!("update-{k}.nvsu")), update).unwrap();
-    }
     let white_balance = WhiteBalance::GrayWorld;
     let preprocessing = Preprocessing { white_balance, clahe: Clahe::new(2.5, 8).ok() };
     let preprocessed = prior.clone().with_preprocessing(preprocessing);
@@ -87,8 +86,7 @@ fn write_expected(folder: &Path, engine: &Engine, scene: &Arc<Scene>, frame: &Pi
 /// The prior in the compact format. Its splats are rounded, so it is another prior.
 fn write_compact(path: &Path, prior: &Prior) {
     let file = std::fs::File::create(path).unwrap();
-    let (none, fine) = (&KeyFrames::NONE, &compact::Quantisation::default());
-    compact::write(prior.splats(), prior.options(), none, fine, file).unwrap();
+    compact::write(prior.splats(), &prior.besides(), &Default::default(), file).unwrap();
 }
 
 /// Something that the prior does not know.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use nvsprior::prior::Splats;
-use nvsprior::prior::blocked::{BlockedWriter, Extras};
+use nvsprior::prior::blocked::BlockedWriter;
 pub use nvsprior::random::Random;
 use nvsprior::vulkan::{DeviceOptions, Error};
 use nvsprior::{Camera, Engine, Pose, Prior, RenderOptions, RenderOverrides};
@@ -114,8 +114,6 @@ pub fn reef_pose() -> Pose {
 /// Writes a prior in blocks of at most so many splats. The splats are rounded, so it is another prior.
 pub fn write_blocked(path: &Path, prior: &Prior, block: usize) {
     let file = std::fs::File::create(path).unwrap();
-    let (key_frames, preprocessing) = (prior.key_frames(), prior.preprocessing());
-    let extras = Extras { key_frames, coder_tables: None, preprocessing };
     let writer = BlockedWriter { block, ..BlockedWriter::default() };
-    writer.write(prior.splats(), prior.options(), &extras, file, &mut |_| ()).unwrap();
+    writer.write(prior.splats(), &prior.besides(), file, &mut |_| ()).unwrap();
 }

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use nvsprior::coder_tables::Tables;
-use nvsprior::packet::{Latent, Packet, PoseProfile, QuantisedPose, RenderCheck, Residual};
+use nvsprior::packet::{
+    Latent, Packet, PoseProfile, QuantisedPose, RenderCheck, Residual, Session,
+};
 use nvsprior::prior::Splats;
 use nvsprior::render::Scene;
 use nvsprior::render::definition::Definition;
@@ -117,38 +119,41 @@ impl Dive {
         picture
     }
 
-    /// A latent part in the full form.
+    pub fn session(&self, camera: &Camera) -> Session {
+        Session { prior: self.prior.id(), camera: *camera }
+    }
+
+    /// A latent part.
     pub fn latent(&self, camera: &Camera, t: u32, profile: PoseProfile) -> Latent {
-        let quantised = self.quantised(&pose(t), profile);
-        Latent::new(t, self.prior.id(), camera, quantised, false).unwrap()
+        let tag = self.session(camera).tag().unwrap();
+        let pose = self.quantised(&pose(t), profile);
+        Latent { frame: t, tag, pose, uncertain: false, portable: true, predicted: None }
     }
 
-    /// A latent part in the short form.
+    /// One with a short pose.
     pub fn short(&self, camera: &Camera, t: u32) -> Latent {
-        let latent = self.latent(camera, t, PoseProfile::Short);
-        latent.shortened(self.prior.id(), camera).unwrap()
+        self.latent(camera, t, PoseProfile::Short)
     }
 
-    /// A packet without a residual, with the camera, in the full form.
+    /// A packet without a residual, with the session part.
     pub fn key(&self, camera: &Camera, t: u32) -> Vec<u8> {
         let latent = self.latent(camera, t, PoseProfile::Compact);
-        packet(latent, Some(camera), None, Residual::None)
+        packet(latent, Some(self.session(camera)), None, Residual::None)
     }
 
     /// A packet with a residual of frame `t`.
     pub fn coded(&self, latent: Latent, camera: Option<&Camera>, t: u32, how: &How) -> Vec<u8> {
         let own = camera.copied().unwrap_or(how.camera);
         let (width, height) = (own.width, own.height);
-        let setup = ResidualSetup::new(width, height, how.coder);
+        let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
         let tables = self.prior.coder_tables().cloned();
         let tables = tables.unwrap_or_else(|| setup.tables.clone());
         let setup = ResidualSetup { portable: how.portable, tables, ..setup };
         let mut encoder = ResidualEncoder::new(&setup);
-        encoder.allow_small_blocks(how.small_blocks);
         let (seen, render) = (self.seen(&own, t), self.render(&own, &latent.pose));
         let seen = (how.change)(seen);
         let coded = encoder.encode(&seen, &render, how.rate, 0).unwrap();
-        packet(latent, camera, None, coded.residual)
+        packet(latent, camera.map(|camera| self.session(camera)), None, coded.residual)
     }
 
     /// An encoder's packets of frames 0 to `count`, and its own pictures.
@@ -183,32 +188,22 @@ impl Dive {
 /// How a residual is coded.
 pub struct How {
     pub camera: Camera,
-    pub coder: ResidualCoder,
     pub rate: Rate,
     pub portable: bool,
-    pub small_blocks: bool,
     pub change: fn(Picture) -> Picture,
 }
 
 impl How {
     pub fn at(rate: Rate) -> How {
-        How {
-            camera: CAMERA,
-            coder: ResidualCoder::Wavelet,
-            rate,
-            portable: true,
-            small_blocks: false,
-            change: |picture| picture,
-        }
+        How { camera: CAMERA, rate, portable: true, change: |picture| picture }
     }
 }
 
 pub fn packet(
     latent: Latent,
-    camera: Option<&Camera>,
+    session: Option<Session>,
     render: Option<RenderCheck>,
     residual: Residual,
 ) -> Vec<u8> {
-    let packet = Packet { latent, camera: camera.copied(), render, residual, truth: None };
-    packet.encode().unwrap()
+    Packet { latent, session, render, residual, truth: None }.encode().unwrap()
 }

@@ -34,7 +34,7 @@ fn by(key: [u8; 32], tag_bytes: usize, epoch: u64) -> Keys {
 
 pub fn vectors(prior: &dyn Fn(&str) -> Prior) -> Vec<Vector> {
     let dive = Dive::of(prior("prior.ply"));
-    vec![shares(&dive), change_of_keys(&dive), reports(), packets(&dive)]
+    vec![shares(&dive), small(&dive), change_of_keys(&dive), reports(), packets(&dive)]
 }
 
 /// Frames of the vehicle, padded by zeros, damaged, cut, once more, and those of strangers.
@@ -68,6 +68,21 @@ fn shares(dive: &Dive) -> Vector {
         frames: links::FRAMES,
         keys: Some(held(&[FIRST], 4, 9)),
         ..Vector::packets("keyed-shares", "modem frames with keys, and those of strangers", records)
+    }
+}
+
+/// The smallest modem frames that have room for number and tag.
+fn small(dive: &Dive) -> Vector {
+    let own = by(FIRST, 2, 1);
+    let contents = links::split_all(&[dive.key(&CAMERA, 0), dive.key(&CAMERA, 1)], 8).concat();
+    let mut records = keyed(&own, Content::Frame, 0, 0, &contents);
+    records.push(records[3].clone());
+    records.push(contents[0].clone());
+    Vector {
+        kind: links::kind(12, 1, 8),
+        frames: links::FRAMES,
+        keys: Some(held(&[FIRST], 2, 1)),
+        ..Vector::packets("keyed-small", "modem frames of 12 bytes with keys", records)
     }
 }
 
@@ -123,7 +138,7 @@ fn packets(dive: &Dive) -> Vector {
     // Files have no order: this one is far behind.
     records.extend(keyed(&own, Content::Packet, 300, 0, &all[2..]));
     records.extend(keyed(&own, Content::Packet, 100, 0, &all[1..2]));
-    records.extend(keyed(&own, Content::Update, 7, 0, &all[1..2]));
+    records.extend(keyed(&own, Content::Report, 7, 0, &all[1..2]));
     Vector {
         keys: Some(held(&[FIRST], 16, 3)),
         ..Vector::packets("keyed-packets", "packets in files with keys, and others", records)

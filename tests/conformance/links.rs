@@ -1,28 +1,26 @@
-//! Vectors of modem frames: shares of packets, pieces of updates, reports.
+//! Vectors of modem frames: shares of packets, reports.
 
 use nvsprior::modem::{
-    ArrivedShares, CollectorOptions, Loss, PacketState, Protection, RateControlOptions, Report,
-    ReportedPacket, Sender, SenderOptions, Sharer, Sharing, SharingOptions, UpdateOptions,
+    ArrivedShares, CollectorOptions, Loss, PacketState, Report, ReportedPacket, Sharer, Sharing,
+    SharingOptions,
 };
-use nvsprior::packet::Extent;
-use nvsprior::prior::StateId;
+use nvsprior::packet::{Extent, Residual};
 use nvsprior::{Prior, Rate};
 
-use crate::dive::{CAMERA, Dive, How};
+use crate::dive::{CAMERA, Dive, How, packet};
 use crate::vector::{Kind, Vector};
 
 /// Frame numbers of all packets of links.
 pub const FRAMES: std::ops::Range<u32> = 0..12;
 
 pub fn kind(mtu: usize, streams: usize, shares: usize) -> Kind {
-    let options =
-        CollectorOptions { streams, shares, update_bytes: 4000, ..CollectorOptions::new(mtu) };
+    let options = CollectorOptions { streams, shares, ..CollectorOptions::new(mtu) };
     Kind::Link { options, mtu }
 }
 
 pub fn vectors(prior: &dyn Fn(&str) -> Prior) -> Vec<Vector> {
     let dive = Dive::of(prior("prior.ply"));
-    [plain(&dive), protected(&dive), predicted(&dive), updates(&dive), reports()]
+    [plain(&dive), other_plain(&dive), small(&dive), protected(&dive), predicted(&dive), reports()]
         .into_iter()
         .flatten()
         .collect()
@@ -33,9 +31,23 @@ fn link(name: &str, description: &'static str, kind: Kind, records: Vec<Vec<u8>>
 }
 
 fn split(packet: &[u8], mtu: usize) -> Vec<Vec<u8>> {
+    split_all(&[packet.to_vec()], mtu).concat()
+}
+
+/// The shares of each packet, one after another: small ones count packets.
+pub fn split_all(packets: &[Vec<u8>], mtu: usize) -> Vec<Vec<Vec<u8>>> {
     let mut sharer = Sharer::default();
-    sharer.split(packet, mtu).unwrap();
-    sharer.shares().map(<[u8]>::to_vec).collect()
+    let mut of = |packet: &Vec<u8>| {
+        sharer.split(packet, mtu).unwrap();
+        sharer.shares().map(<[u8]>::to_vec).collect()
+    };
+    packets.iter().map(&mut of).collect()
+}
+
+fn padded(share: &[u8], mtu: usize) -> Vec<u8> {
+    let mut share = share.to_vec();
+    share.resize(mtu, 0);
+    share
 }
 
 struct Protected {
@@ -59,8 +71,8 @@ fn shared(packet: &[u8], how: &Protected) -> Vec<Vec<u8>> {
         max_shares: how.max_shares,
         spread: 0,
         loss: Loss { chance: how.loss, burst: 1.0 },
-        picture: extent.head - extent.told_by_shares,
-        packet: Some(packet.len() - extent.told_by_shares),
+        picture: extent.head,
+        packet: Some(packet.len()),
         whole: false,
         user: how.user.map(<[u8]>::len),
     })
@@ -90,12 +102,9 @@ fn plain(dive: &Dive) -> Vec<Vector> {
     let key = split(&dive.key(&CAMERA, 0), 48);
     let shares = split(&coded(dive, 1, 50.0), 48);
     let last = shares.len() - 1;
-    let padded = |share: &Vec<u8>| {
-        let mut share = share.clone();
-        share.resize(48, 0xEE);
-        share
-    };
-    let reversed: Vec<Vec<u8>> = shares.iter().rev().map(padded).collect();
+    // Zeros up to the MTU; beyond it anything may be.
+    let filled = |share: &Vec<u8>| [&padded(share, 48)[..], &[0xEE; 5]].concat();
+    let reversed: Vec<Vec<u8>> = shares.iter().rev().map(filled).collect();
     let lossy = shares.iter().enumerate().filter(|(place, _)| *place != 2);
     let lossy: Vec<Vec<u8>> = lossy.map(|(_, share)| share.clone()).collect();
     let spoiled: Vec<Vec<u8>> = [
@@ -106,6 +115,9 @@ fn plain(dive: &Dive) -> Vec<Vector> {
         shares[1].clone(),
         vec![0x00, 1, 2],
         vec![0xC0, 0, 1, 2, 3],
+        vec![0x91; 48],
+        shares[0][..20].to_vec(),
+        shares[1][..47].to_vec(),
         shares[last].clone(),
     ]
     .into();
@@ -134,6 +146,70 @@ fn plain(dive: &Dive) -> Vec<Vector> {
             kind(),
             [key, spoiled].concat(),
         ),
+    ]
+}
+
+fn other_plain(dive: &Dive) -> Vec<Vector> {
+    // The latent part takes two shares.
+    let narrow = split_all(&[dive.key(&CAMERA, 0), coded(dive, 1, 20.0)], 16).concat();
+    let predicted = crate::streams::predicted(dive, Some(Rate::Quality(25.0)), 7);
+    let predicted = split_all(&predicted, 40).concat();
+    vec![
+        link(
+            "shares-plain-narrow",
+            "unprotected shares of 16 bytes, those of each packet backwards",
+            kind(16, 1, 64),
+            narrow.iter().rev().cloned().collect(),
+        ),
+        link(
+            "shares-plain-predicted",
+            "packets with predicted poses, in unprotected shares",
+            kind(40, 1, 64),
+            predicted,
+        ),
+    ]
+}
+
+/// Modem frames of 8 bytes.
+fn small(dive: &Dive) -> Vec<Vector> {
+    const MTU: usize = 8;
+    let kind = || kind(MTU, 1, 8);
+    let short = |t| packet(dive.short(&CAMERA, t), None, None, Residual::None);
+    let little = dive.coded(dive.short(&CAMERA, 2), None, 2, &How::at(Rate::Bytes(36)));
+    let packets = [dive.key(&CAMERA, 0), short(1), little, short(3)];
+    let shares = split_all(&packets, MTU);
+    let full = shares.concat().iter().map(|share| padded(share, MTU)).collect();
+    let backwards = shares.iter().flat_map(|shares| shares.iter().rev().cloned());
+    let twice = backwards.flat_map(|share| [share.clone(), share]).collect();
+    let mut lost = shares.clone();
+    lost[2].remove(1);
+    let mut spoiled = shares.clone();
+    spoiled[1][1] = damaged(&spoiled[1][1], 3);
+    spoiled[2][0] = spoiled[2][0][..7].to_vec();
+    spoiled[3].extend([vec![0x05; 8], vec![0x41; 8], vec![]]);
+    // Once all shares of a packet are there and its checks do not match, they come again.
+    spoiled[3].extend(shares[1].clone());
+    let predicted = crate::streams::predicted(dive, None, 6);
+    let predicted = split_all(&predicted[1..5], MTU).concat();
+    vec![
+        link("shares-small", "modem frames of 8 bytes, padded", kind(), full),
+        link("shares-small-order", "the same backwards, each twice", kind(), twice),
+        link("shares-small-lost", "one of them is lost", kind(), lost.concat()),
+        link(
+            "shares-small-damaged",
+            "damaged, cut and other frames; a packet's shares once more",
+            kind(),
+            spoiled.concat(),
+        ),
+        Vector {
+            cameras: vec![CAMERA],
+            ..link(
+                "shares-small-predicted",
+                "predicted poses in modem frames of 8 bytes",
+                kind(),
+                predicted,
+            )
+        },
     ]
 }
 
@@ -204,62 +280,16 @@ fn predicted(dive: &Dive) -> Vec<Vector> {
     vec![
         link(
             "shares-predicted",
-            "packets in the predicted form, in protected shares",
+            "packets with predicted poses, in protected shares",
             kind(),
             frames(700),
         ),
-        link(
-            "shares-predicted-bare",
-            "packets in the predicted form without a residual",
-            kind(),
-            bare,
-        ),
+        link("shares-predicted-bare", "the same without a residual", kind(), bare),
         link("shares-predicted-cut", "their ends are not sent", kind(), frames(110)),
     ]
 }
 
-fn updates(dive: &Dive) -> Vec<Vector> {
-    let steps = crate::states::chain(&dive.prior);
-    let mut frames = shared(&dive.key(&CAMERA, 0), &USUAL);
-    let control = RateControlOptions {
-        bit_rate: 20_000.0,
-        mtu: 64,
-        overhead: 0,
-        latency: 1.5,
-        delay: 0.2,
-        spread: 0.3,
-        frame_rate: 10.0,
-        min_bytes: 40,
-        max_shares: 16,
-        loss: Loss { chance: 0.2, burst: 1.0 },
-        user: None,
-    };
-    let options = SenderOptions {
-        control,
-        stream: 0,
-        protection: Protection::Layers,
-        expect_reports: false,
-        updates: Some(UpdateOptions::default()),
-    };
-    let mut sender = Sender::new(options).unwrap();
-    let mut pieces = Vec::new();
-    for (bytes, _) in &steps[..2] {
-        sender.push_update(0.0, bytes).unwrap();
-    }
-    for tick in 0..400 {
-        while let Some((_, piece)) = sender.next(f64::from(tick) * 0.05) {
-            pieces.push(piece.to_vec());
-        }
-    }
-    pieces.truncate(24);
-    // The first ones are lost: others stand for them.
-    let spoiled = damaged(&pieces[3], 12);
-    frames.extend(pieces.into_iter().skip(2));
-    frames.push(spoiled);
-    vec![link("pieces", "pieces of updates, some lost, one damaged", kind(64, 1, 64), frames)]
-}
-
-/// Reports without user bytes and with them, of updates, and of poses.
+/// Reports without user bytes and with them, and of poses.
 pub fn some_reports() -> Vec<Vec<u8>> {
     let of = |state, arrived| ReportedPacket { state, arrived, ..Default::default() };
     let part = ReportedPacket {
@@ -269,24 +299,23 @@ pub fn some_reports() -> Vec<Vec<u8>> {
     let told =
         [part, of(PacketState::Kept, 9), of(PacketState::Nothing, 0), of(PacketState::Whole, 8)];
     let mut full = Report::new(2, 0x1_0001, told.into_iter()).unwrap();
-    let written = |report: &Report, user: Option<&[u8]>| {
-        let mut bytes = vec![0; 80];
+    let written = |report: &Report, user: Option<&[u8]>, mtu: usize| {
+        let mut bytes = vec![0; mtu];
         let len = report.write(user, &mut bytes).unwrap();
         bytes.truncate(len);
         bytes
     };
-    let plain = written(&full, None);
-    let user = written(&full, Some(b"depth"));
-    full.tell_states([(258, StateId(77)), (257, StateId(78))].into_iter());
-    let states = written(&full, Some(b""));
+    let plain = written(&full, None, 80);
+    let user = written(&full, Some(b"depth"), 80);
+    let none = written(&full, Some(b""), 80);
     full.tell_poses(|frame| frame % 3 == 1);
-    let poses = written(&full, Some(b"all"));
-    vec![plain, user, states, poses]
+    let poses = written(&full, Some(b"all"), 80);
+    vec![plain, user, none, poses, written(&full, None, 8), written(&full, None, 15)]
 }
 
 fn reports() -> Vec<Vector> {
     let all = some_reports();
-    let [plain, user, states, poses] = &all[..] else { panic!("four reports") };
+    let [plain, user, none, poses, ..] = &all[..] else { panic!("four reports") };
     let padded = [&plain[..], &[0; 12]].concat();
     let cut = |bytes: &[u8], by| bytes[..bytes.len() - by].to_vec();
     let bad = vec![
@@ -295,9 +324,12 @@ fn reports() -> Vec<Vector> {
         cut(user, 4),
         vec![],
         vec![0x08, 1, 2, 3],
-        damaged(states, 12),
+        damaged(none, 2),
         damaged(poses, poses.len() - 1),
         vec![0x04, 0, 0, 33],
+        [&[0x04, 0, 0, 33][..], &[0; 40]].concat(),
+        vec![0x04, 0, 0, 0x40, 0, 0],
+        cut(poses, 2),
     ];
     let of = |name: &str, description, records| Vector {
         kind: Kind::Reports,
@@ -305,6 +337,6 @@ fn reports() -> Vec<Vector> {
     };
     vec![
         of("reports", "reports", [all, vec![padded]].concat()),
-        of("reports-bad", "damaged reports; the last but one only lacks the poses", bad),
+        of("reports-bad", "damaged reports", bad),
     ]
 }

@@ -9,8 +9,8 @@ mod dive;
 mod keyed;
 mod links;
 mod packets;
+mod priors;
 mod results;
-mod states;
 mod streams;
 mod vector;
 
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Once;
 
 use nvsprior::coder_tables::Tables;
-use nvsprior::prior::blocked::{BlockedWriter, Extras};
-use nvsprior::prior::{KeyFrames, compact, ply};
+use nvsprior::prior::blocked::BlockedWriter;
+use nvsprior::prior::{KeyFrames, compact, ply, with_coder_tables};
 use nvsprior::{Prior, RenderOptions};
 use serde_json::{Value, json};
 
@@ -45,25 +45,21 @@ fn priors() -> Vec<(&'static str, Vec<u8>)> {
         bytes
     };
     let packed = {
-        let (prior, mut bytes) = (prior(), Vec::new());
-        let (splats, options) = (prior.splats(), prior.options());
         let key_frames = KeyFrames::new((0..3).map(dive::pose).collect()).unwrap();
-        compact::write(splats, options, &key_frames, &Default::default(), &mut bytes).unwrap();
+        let (prior, mut bytes) = (prior().with_key_frames(key_frames), Vec::new());
+        let besides = prior.besides();
+        compact::write(prior.splats(), &besides, &Default::default(), &mut bytes).unwrap();
         bytes
     };
-    let tables = compact::with_coder_tables(&packed, Some(&own_tables())).unwrap();
+    let tables = with_coder_tables(&packed, Some(&own_tables())).unwrap();
     let focal = RenderOptions { trained_focal: Some(CAMERA.fx), ..RenderOptions::INRIA };
     let blocked = {
-        let (prior, mut bytes) = (prior(), Vec::new());
         let key_frames = KeyFrames::new((0..2).map(dive::pose).collect()).unwrap();
-        let tables = own_tables();
-        let extras = Extras {
-            key_frames: &key_frames,
-            coder_tables: Some(&tables),
-            preprocessing: prior.preprocessing(),
-        };
-        let writer = BlockedWriter { block: 100, ..BlockedWriter::default() };
-        writer.write(prior.splats(), &focal, &extras, &mut bytes, &mut |_| ()).unwrap();
+        let prior = Prior::from_splats(prior().splats().clone(), focal).unwrap();
+        let prior = prior.with_key_frames(key_frames).with_coder_tables(Some(own_tables()));
+        let (writer, mut bytes) =
+            (BlockedWriter { block: 100, ..BlockedWriter::default() }, Vec::new());
+        writer.write(prior.splats(), &prior.besides(), &mut bytes, &mut |_| ()).unwrap();
         bytes
     };
     vec![
@@ -96,7 +92,7 @@ fn renew() {
     let vectors: Vec<Vector> = [
         packets::vectors(&prior),
         streams::vectors(&prior),
-        states::vectors(&prior),
+        priors::vectors(),
         links::vectors(&prior),
         keyed::vectors(&prior),
         bad::vectors(&prior),

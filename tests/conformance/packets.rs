@@ -1,85 +1,52 @@
-//! Vectors of single frames: forms of packets, renders, and residuals.
+//! Vectors of single frames: parts of packets, renders, and residuals.
 
-use nvsprior::packet::{Coder, Latent, PoseProfile, RenderCheck, Residual};
-use nvsprior::residual::ResidualCoder;
+use nvsprior::packet::{Latent, PoseProfile, RenderCheck, Residual, SHORT_LATENT_LEN};
 use nvsprior::{Camera, Picture, Prior, Rate, Trust};
 
 use crate::dive::{CAMERA, Dive, How, packet, pose};
 use crate::vector::{Kind, Vector};
 
 pub fn vectors(prior: &dyn Fn(&str) -> Prior) -> Vec<Vector> {
-    let mut all = forms(&Dive::of(prior("prior.ply")));
+    let dive = Dive::of(prior("prior.ply"));
+    let mut all = poses(&dive);
+    all.extend(parts(&dive));
     all.extend(renders(prior));
-    all.extend(residuals(&Dive::of(prior("prior.ply"))));
-    all.extend(sizes(&Dive::of(prior("prior.ply"))));
+    all.extend(residuals(&dive));
+    all.extend(starts(&dive));
+    all.extend(sizes(&dive));
     all
 }
 
-fn forms(dive: &Dive) -> Vec<Vector> {
-    let full = |t, profile| dive.latent(&CAMERA, t, profile);
-    let none = |latent| packet(latent, None, None, Residual::None);
-    let key = dive.key(&CAMERA, 0);
-    let render = dive.render(&CAMERA, &dive.short(&CAMERA, 3).pose);
-    let check = Some(RenderCheck::of(&render));
-    let wrong = check.map(|check| RenderCheck(check.0 ^ 1));
-    let foreign = |latent: Latent| Latent { portable: false, ..latent };
+fn none(latent: Latent) -> Vec<u8> {
+    packet(latent, None, None, Residual::None)
+}
+
+fn poses(dive: &Dive) -> Vec<Vector> {
     let short = |t| dive.short(&CAMERA, t);
-    let far = nvsprior::Pose::from_wxyz([1.0, 0.0, 0.0, 0.01], [0.0, 0.0, 900.0]).unwrap();
-    let far =
-        Latent { pose: dive.quantised(&far, PoseProfile::Compact), ..full(9, PoseProfile::Paper) };
-    let padded = [&none(short(8))[..], &[0xB4; 40]].concat();
-    let late = [65_530_u32, 65_540, 200_000, 7].map(|frame| {
-        let latent = Latent { frame: frame % (1 << 16), ..short(4) };
-        none(latent)
-    });
-    let numbered = Latent { frame: 65_520, ..full(4, PoseProfile::Compact) };
+    let key = dive.key(&CAMERA, 0);
+    let far = nvsprior::Pose::from_wxyz([1.0, 0.0, 0.0, 0.01], [0.0, 0.0, 40.0]).unwrap();
+    let far = Latent { pose: dive.quantised(&far, PoseProfile::Short), ..short(9) };
+    assert_eq!(far.pose.written_as(), PoseProfile::Compact, "it is beyond the short one's reach");
+    let compact = dive.latent(&CAMERA, 1, PoseProfile::Compact);
+    let session = Some(dive.session(&CAMERA));
+    let numbers = [65_520_u32, 65_530, 65_540, 200_000, 7, 32_775, 7, 32_774]
+        .map(|frame| packet(Latent { frame, ..short(4) }, session, None, Residual::None));
+    let unsure = Latent { uncertain: true, ..short(7) };
     let many = |packets: Vec<Vec<u8>>| [vec![key.clone()], packets].concat();
     vec![
-        Vector::packets("full", "full form with the camera, no residual", vec![key.clone()]),
+        Vector::packets("session", "a packet with the session part", vec![key.clone()]),
         Vector::packets(
-            "full-paper",
-            "full form, paper's pose; one far from the prior",
-            many(vec![none(full(1, PoseProfile::Paper)), none(far)]),
+            "compact",
+            "compact poses: one near, one beyond the short one's reach",
+            many(vec![none(compact), none(far)]),
         ),
-        Vector::packets(
-            "full-short-grid",
-            "full form, pose on the short grid",
-            many(vec![none(full(2, PoseProfile::Short))]),
-        ),
-        Vector::packets(
-            "short",
-            "short form after the full one",
-            many(vec![none(short(1)), none(short(2))]),
-        ),
-        Vector::packets(
-            "render-check",
-            "render parts: one that fits, one of another render",
-            many(vec![
-                packet(short(3), None, check, Residual::None),
-                packet(short(3), None, wrong, Residual::None),
-            ]),
-        ),
-        Vector::packets(
-            "not-portable",
-            "vehicles whose device is not portable, full and short form",
-            many(vec![none(foreign(full(5, PoseProfile::Compact))), none(foreign(short(6)))]),
-        ),
+        Vector::packets("short", "short poses", many(vec![none(short(1)), none(short(2))])),
         Vector::packets(
             "uncertain",
             "the pose is not certain; the budget held no residual",
-            many(vec![packet(
-                Latent { uncertain: true, ..short(7) },
-                None,
-                None,
-                Residual::Omitted,
-            )]),
+            many(vec![packet(unsure, None, None, Residual::Omitted)]),
         ),
-        Vector::packets("padding", "bytes after the last part are ignored", many(vec![padded])),
-        Vector::packets(
-            "numbers",
-            "frame numbers of 16 bits are completed",
-            [vec![packet(numbered, Some(&CAMERA), None, Residual::None)], late.to_vec()].concat(),
-        ),
+        Vector::packets("numbers", "frame numbers of 16 bits are completed", numbers.into()),
         Vector {
             cameras: vec![CAMERA],
             ..Vector::packets(
@@ -88,6 +55,51 @@ fn forms(dive: &Dive) -> Vec<Vector> {
                 vec![none(short(3))],
             )
         },
+    ]
+}
+
+fn parts(dive: &Dive) -> Vec<Vector> {
+    let short = |t| dive.short(&CAMERA, t);
+    let key = dive.key(&CAMERA, 0);
+    let session = Some(dive.session(&CAMERA));
+    let check = Some(RenderCheck::of(&dive.render(&CAMERA, &short(3).pose)));
+    let wrong = check.map(|check| RenderCheck(check.0 ^ 1));
+    let foreign = |latent: Latent| Latent { portable: false, ..latent };
+    let checked = |latent, check| packet(latent, None, check, Residual::None);
+    let mut damaged = checked(short(3), check);
+    damaged[SHORT_LATENT_LEN + 2] ^= 8;
+    let coded = dive.coded(short(8), None, 8, &How::at(Rate::Bytes(80)));
+    let padding = [
+        [&none(short(8))[..], &[0xB4; 40]].concat(),
+        [&none(short(8))[..], &[0; 7]].concat(),
+        [&coded[..], &[0; 13]].concat(),
+        [&coded[..], &[0; 13], &[1]].concat(),
+    ];
+    let many = |packets: Vec<Vec<u8>>| [vec![key.clone()], packets].concat();
+    vec![
+        Vector::packets(
+            "render-check",
+            "render parts: right, damaged, wrong; then none is shown until one states this prior",
+            many(vec![
+                checked(short(3), check),
+                damaged,
+                checked(short(3), wrong),
+                none(short(4)),
+                packet(short(5), session, None, Residual::None),
+                none(short(6)),
+            ]),
+        ),
+        Vector::packets(
+            "not-portable",
+            "vehicles whose device is not portable: a wrong render estranges nobody",
+            many(vec![
+                none(foreign(dive.latent(&CAMERA, 5, PoseProfile::Compact))),
+                none(foreign(short(6))),
+                checked(foreign(short(3)), wrong),
+                none(short(7)),
+            ]),
+        ),
+        Vector::packets("padding", "zeros behind packets; other bytes, too", many(padding.into())),
     ]
 }
 
@@ -130,14 +142,14 @@ fn renders(prior: &dyn Fn(&str) -> Prior) -> Vec<Vector> {
     ]
 }
 
-/// The first of some ways of coding that gives what is wanted.
-fn first(dive: &Dive, wanted: impl Fn(&[u8]) -> bool, ways: Vec<How>) -> Vec<u8> {
-    let coded = |how: How| dive.coded(dive.short(&CAMERA, 3), None, 3, &how);
-    ways.into_iter().map(coded).find(|packet| wanted(packet)).expect("one of the ways")
-}
-
-fn with_small_blocks(rate: Rate, change: fn(Picture) -> Picture) -> How {
-    How { small_blocks: true, change, ..How::at(rate) }
+/// The first of some ways of coding that gives small blocks.
+fn first(dive: &Dive, change: fn(Picture) -> Picture) -> Vec<u8> {
+    let coded = |quality| {
+        let how = How { change, ..How::at(Rate::Quality(quality)) };
+        dive.coded(dive.short(&CAMERA, 3), None, 3, &how)
+    };
+    let has_small_blocks = |packet: &Vec<u8>| packet[1] & 1 != 0;
+    [30.0, 40.0, 50.0, 20.0, 60.0, 75.0].map(coded).into_iter().find(has_small_blocks).unwrap()
 }
 
 /// A large smooth object: it hides the texture of the wall.
@@ -162,44 +174,29 @@ fn residuals(dive: &Dive) -> Vec<Vector> {
     let short = dive.short(&CAMERA, 3);
     let coded = |how: &How| dive.coded(short, None, 3, how);
     let at = |rate| coded(&How::at(rate));
-    let full = |t, how: &How| {
+    let first_of_all = |t, how: &How| {
         dive.coded(dive.latent(&CAMERA, t, PoseProfile::Compact), Some(&CAMERA), t, how)
     };
     let many = |packets: Vec<Vec<u8>>| [vec![key.clone()], packets].concat();
-    let is_small = |packet: &[u8]| packet[1] & 3 == 0;
-    let small = |change| {
-        let rates = [30.0, 40.0, 50.0, 20.0, 60.0, 75.0];
-        rates.map(|q| with_small_blocks(Rate::Quality(q), change)).into()
-    };
     let blind = How { portable: false, ..How::at(Rate::Quality(40.0)) };
     let foreign = Latent { portable: false, ..short };
-    let whole = at(Rate::Quality(60.0));
-    let cuts = |packet: &[u8]| {
-        let lens = [19, 20, 21, 22, 24, 27, 31, 40, 60, packet.len() - 3, packet.len() - 1];
-        many(lens.iter().map(|len| packet[..*len].to_vec()).collect())
-    };
-    let blocks = |t| full(t, &How { change: hidden, ..How::at(Rate::Quality(35.0)) });
-    let small_packet = first(dive, is_small, small(hidden));
-    let webp = How { coder: ResidualCoder::Webp, ..How::at(Rate::Quality(30.0)) };
-    let starts = |name: &str, description, records| Vector {
-        kind: Kind::Packets { trust: Trust::Start },
-        ..Vector::packets(name, description, records)
-    };
+    let with = |rate, change| How { change, ..How::at(rate) };
+    let blocks = |t, change| first_of_all(t, &with(Rate::Quality(35.0), change));
     vec![
         Vector::packets(
-            "wavelet-full",
-            "wavelet payload in the full form",
-            vec![full(0, &How::at(Rate::Quality(40.0)))],
+            "wavelet-first",
+            "wavelet payload behind a session part",
+            vec![first_of_all(0, &How::at(Rate::Quality(40.0)))],
         ),
         Vector::packets(
-            "wavelet-short",
-            "wavelet payloads in the short form, from coarse to fine",
+            "wavelet",
+            "wavelet payloads, from coarse to fine",
             many([5.0, 30.0, 60.0].map(|q| at(Rate::Quality(q))).to_vec()),
         ),
         Vector::packets(
             "wavelet-fine",
             "steps so fine that magnitudes go beyond unary",
-            many(vec![coded(&How { change: noisy, ..How::at(Rate::Quality(92.0)) })]),
+            many(vec![coded(&with(Rate::Quality(92.0), noisy))]),
         ),
         Vector::packets(
             "wavelet-budget",
@@ -207,21 +204,19 @@ fn residuals(dive: &Dive) -> Vec<Vector> {
             many([45, 60, 90, 180].map(|bytes| at(Rate::Bytes(bytes))).to_vec()),
         ),
         Vector::packets(
-            "wavelet-blocks",
-            "blocks of 64×64 that are not predicted from the render",
-            vec![blocks(0), full(1, &How { change: noisy, ..How::at(Rate::Quality(30.0)) })],
-        ),
-        Vector::packets(
             "small-blocks",
             "small blocks",
-            many(vec![small_packet.clone(), first(dive, is_small, small(|picture| picture))]),
+            vec![
+                blocks(0, hidden),
+                blocks(1, noisy),
+                first(dive, hidden),
+                first(dive, |picture| picture),
+            ],
         ),
         Vector::packets(
             "small-blocks-budget",
             "small blocks at a budget",
-            many(
-                [70, 120, 200].map(|n| coded(&with_small_blocks(Rate::Bytes(n), hidden))).to_vec(),
-            ),
+            many([70, 120, 200].map(|n| coded(&with(Rate::Bytes(n), hidden))).to_vec()),
         ),
         Vector::packets(
             "wavelet-blind",
@@ -233,54 +228,51 @@ fn residuals(dive: &Dive) -> Vec<Vector> {
             "contexts need the render, but the device is not portable",
             many(vec![dive.coded(foreign, None, 3, &How::at(Rate::Quality(40.0)))]),
         ),
+        Vector::packets("wavelet-any-bytes", "any bytes are a payload", many(any_bytes(dive))),
+    ]
+}
+
+fn starts(dive: &Dive) -> Vec<Vector> {
+    let how = How::at(Rate::Quality(60.0));
+    let whole = dive.coded(dive.short(&CAMERA, 3), None, 3, &how);
+    let small = first(dive, hidden);
+    let cuts = |packet: &[u8]| {
+        let lens = [20, 21, 22, 23, 24, 27, 31, 40, 60, packet.len() - 3, packet.len() - 1];
+        let starts = lens.iter().map(|len| packet[..*len].to_vec());
+        [dive.key(&CAMERA, 0)].into_iter().chain(starts).collect()
+    };
+    let starts = |name: &str, description, records| Vector {
+        kind: Kind::Packets { trust: Trust::Start },
+        ..Vector::packets(name, description, records)
+    };
+    vec![
         starts("wavelet-cut", "the starts of a packet, known to be undamaged", cuts(&whole)),
         Vector::packets(
             "wavelet-cut-unknown",
             "the same starts, of which nothing is known",
             cuts(&whole),
         ),
-        starts("small-blocks-cut", "the starts of a packet with small blocks", cuts(&small_packet)),
-        Vector::packets("wavelet-any-bytes", "any bytes are a payload", many(any_bytes(dive))),
-        Vector {
-            needs: &["webp"],
-            ..Vector::packets(
-                "webp",
-                "VP8 and WebP payloads",
-                many(vec![coded(&webp), webp_file(dive, &webp)]),
-            )
-        },
+        starts("small-blocks-cut", "the starts of a packet with small blocks", cuts(&small)),
     ]
-}
-
-/// A whole WebP file in place of the payload.
-fn webp_file(dive: &Dive, how: &How) -> Vec<u8> {
-    let short = dive.short(&CAMERA, 4);
-    let (seen, render) = (dive.seen(&CAMERA, 4), dive.render(&CAMERA, &short.pose));
-    let difference = nvsprior::residual::difference(&seen, &render);
-    let mut webp = nvsprior::residual::Webp::new(CAMERA.width, CAMERA.height);
-    let Rate::Quality(quality) = how.rate else { unreachable!("a quality is given") };
-    let payload = webp.encode_file(&difference, quality, 1).unwrap();
-    packet(short, None, None, Residual::Coded { coder: Coder::WebP, payload })
 }
 
 fn any_bytes(dive: &Dive) -> Vec<Vec<u8>> {
     let mut random = crate::common::Random::new(17);
     let mut payload =
         |len: usize| -> Vec<u8> { (0..len).map(|_| (random.bits() >> 3) as u8).collect() };
+    let packet = |t, small_blocks, bytes: &[u8]| {
+        let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+        let residual = Residual::Coded { small_blocks, payload: &bytes[..end] };
+        packet(dive.short(&CAMERA, t), None, None, residual)
+    };
     let lens = [0, 1, 2, 7, 40, 300, 900];
     let mut packets: Vec<Vec<u8>> = Vec::new();
     for (i, len) in lens.into_iter().enumerate() {
-        let (latent, bytes) = (dive.short(&CAMERA, i as u32), payload(len));
-        for coder in [Coder::Wavelet, Coder::SmallBlocks] {
-            packets.push(packet(latent, None, None, Residual::Coded { coder, payload: &bytes }));
-        }
+        let bytes = payload(len);
+        packets.extend([false, true].map(|small_blocks| packet(i as u32, small_blocks, &bytes)));
     }
-    // All ones and all zeros: the extremes of every number.
-    for value in [0, 0xFF, 0x55] {
-        let bytes = vec![value; 200];
-        let residual = Residual::Coded { coder: Coder::Wavelet, payload: &bytes };
-        packets.push(packet(dive.short(&CAMERA, 2), None, None, residual));
-    }
+    // All ones, and every second bit: the extremes of every number.
+    packets.extend([0xFF, 0x55].map(|value| packet(2, false, &[value; 200])));
     packets
 }
 
@@ -291,10 +283,14 @@ fn sizes(dive: &Dive) -> Vec<Vector> {
             Camera { width, height, fx: 0.8 * w, fy: 0.9 * w, cx: 0.5 * w + 0.3, cy: 0.5 * h };
         let how = How { camera, ..How::at(Rate::Quality(50.0)) };
         let key = dive.latent(&camera, 0, PoseProfile::Compact);
-        let small = How { small_blocks: true, change: |p| p, ..How::at(Rate::Quality(40.0)) };
         vec![
             dive.coded(key, Some(&camera), 0, &how),
-            dive.coded(dive.short(&camera, 1), None, 1, &How { camera, ..small }),
+            dive.coded(
+                dive.short(&camera, 1),
+                None,
+                1,
+                &How { camera, ..How::at(Rate::Quality(40.0)) },
+            ),
         ]
     };
     let all = [(1, 1), (1, 9), (5, 4), (6, 2), (37, 23), (64, 64), (7, 65)];

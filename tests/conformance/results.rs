@@ -6,8 +6,8 @@ use std::sync::Arc;
 use md5::{Digest, Md5};
 use nvsprior::keys::{Content, Refusal, Verifier};
 use nvsprior::modem::{Collector, CollectorOptions, ModemError, Report};
-use nvsprior::packet::{PacketError, Part};
-use nvsprior::prior::{PriorError, UpdateError};
+use nvsprior::packet::PacketError;
+use nvsprior::prior::PriorError;
 use nvsprior::render::Scene;
 use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Decoder, Error, Prior, Trust};
@@ -88,7 +88,7 @@ fn of_refusal(refusal: Refusal) -> &'static str {
 }
 
 fn scene(prior: &Prior) -> Arc<Scene> {
-    engine().upload_for_updates(prior).unwrap()
+    engine().upload(prior).unwrap()
 }
 
 fn decoder(vector: &Vector, scene: &Arc<Scene>) -> Decoder {
@@ -99,16 +99,7 @@ fn decoder(vector: &Vector, scene: &Arc<Scene>) -> Decoder {
     decoder
 }
 
-/// A packet, or an update.
 fn decode(decoder: &mut Decoder, record: &[u8], trust: Trust, all: &mut Vec<Vec<u8>>) -> Value {
-    if record.starts_with(b"nvsu") {
-        return match decoder.add_update(record) {
-            Ok(number) => {
-                json!({ "update": number, "state": decoder.learnt().state().to_string() })
-            }
-            Err(error) => json!({ "refused": name_of(&error) }),
-        };
-    }
     let mut decoded = Decoded::default();
     match decoder.decode_into(record, trust, &mut decoded) {
         Ok(()) => {
@@ -142,9 +133,6 @@ fn told(decoded: &Decoded) -> Value {
     if let Some(frame) = decoded.reference {
         tell("reference", json!(frame));
     }
-    if let Some(number) = decoded.missing_update {
-        tell("missing_update", json!(number));
-    }
     if let Some([first, _]) = decoded.truth.thresholds {
         let levels: String = decoded.truth.levels.iter().map(|level| level.to_string()).collect();
         tell("truth", json!({ "threshold": first, "levels": levels }));
@@ -171,11 +159,6 @@ fn link(
             Ok(_) => json!({}),
             Err(error) => json!({ "refused": of_modem(&error) }),
         });
-        while let Some(update) = collector.update(0).map(<[u8]>::to_vec) {
-            let value = decode(&mut decoder, &update, Trust::Start, &mut outcome.pictures);
-            collector.settle_update(0, value.get("refused").is_none());
-            outcome.packets.push(value);
-        }
     }
     for stream in 0..options.streams as u8 {
         for frame in vector.frames.clone() {
@@ -203,7 +186,7 @@ fn report(record: &[u8]) -> Value {
     let poses: Vec<u32> = report.poses().filter(|(_, held)| *held).map(|(n, _)| n).collect();
     json!({
         "stream": report.stream(), "newest": report.newest(), "packets": packets,
-        "user": user.map(hex), "poses": poses,
+        "user": user.map(hex), "poses": poses, "told": report.poses().count(),
     })
 }
 
@@ -222,11 +205,9 @@ fn name_of(error: &Error) -> &'static str {
     match error {
         Error::Packet(error) => of_packet(error),
         Error::Residual(error) => of_residual(error),
-        Error::Update(error) => of_update(error),
-        Error::CameraUnknown { .. } => "camera-unknown",
         Error::SessionUnknown { .. } => "session-unknown",
-        Error::UpdateMissing { .. } => "update-missing",
-        Error::Camera(_) => "camera",
+        Error::Estranged { .. } => "estranged",
+        Error::Camera(_) => "session",
         other => panic!("{other}"),
     }
 }
@@ -234,18 +215,14 @@ fn name_of(error: &Error) -> &'static str {
 fn of_packet(error: &PacketError) -> &'static str {
     match error {
         PacketError::TooShort { .. } => "too-short",
-        PacketError::Magic(_) => "magic",
-        PacketError::Version(_) => "version",
-        PacketError::Check(Part::Latent | Part::Camera | Part::Render | Part::Residual) => "check",
-        PacketError::Profile(_) => "profile",
+        PacketError::Version => "version",
+        PacketError::Check(_) => "check",
         PacketError::Pose => "pose",
-        PacketError::Camera(_) => "camera",
-        PacketError::CameraTag { .. } => "camera-tag",
-        PacketError::ShortCamera => "short-camera",
+        PacketError::Camera(_) => "session",
+        PacketError::SessionTag { .. } => "session-tag",
         PacketError::Coder(_) => "coder",
         PacketError::Truth => "truth",
-        PacketError::Reference(_) => "reference",
-        PacketError::PayloadLength => "length",
+        PacketError::Reference => "reference",
         PacketError::PoseNotHeld { .. } => "pose-not-held",
         PacketError::Prior { .. } => "prior",
         other => panic!("{other}"),
@@ -261,23 +238,10 @@ fn of_residual(error: &ResidualError) -> &'static str {
     }
 }
 
-fn of_update(error: &UpdateError) -> &'static str {
-    match error {
-        UpdateError::UnknownFormat => "magic",
-        UpdateError::Newer { .. } => "version",
-        UpdateError::Truncated { .. } => "truncated",
-        UpdateError::Damaged { .. } => "damaged",
-        UpdateError::Foreign { .. } => "prior",
-        UpdateError::NotNext { .. } | UpdateError::OtherChain { .. } => "not-next",
-        UpdateError::Prior(_) => panic!("{error}"),
-        _ => "content",
-    }
-}
-
 fn of_modem(error: &ModemError) -> &'static str {
     match error {
         ModemError::Key(refusal) => of_refusal(*refusal),
-        ModemError::NotAFrame(_) | ModemError::Packet(PacketError::Magic(_)) => "not-a-frame",
+        ModemError::NotAFrame(_) => "not-a-frame",
         ModemError::Cut { .. } => "cut",
         ModemError::ShareCheck | ModemError::ReportCheck => "check",
         ModemError::Packet(error) => of_packet(error),
@@ -290,12 +254,15 @@ fn of_modem(error: &ModemError) -> &'static str {
 
 fn of_prior(error: &PriorError) -> &'static str {
     match error {
-        PriorError::InFile { error, .. } | PriorError::InBlock { error, .. } => of_prior(error),
+        PriorError::InFile { error, .. }
+        | PriorError::InPart { error, .. }
+        | PriorError::InBlock { error, .. } => of_prior(error),
         PriorError::UnknownFormat => "magic",
         PriorError::Newer { .. } => "version",
         PriorError::Truncated { .. } => "truncated",
         PriorError::Damaged { .. } => "damaged",
         PriorError::Identity { .. } => "identity",
+        PriorError::UnknownPart { .. } => "unknown-part",
         _ => "content",
     }
 }

@@ -1,9 +1,10 @@
 //! Vectors of frames that depend on others: streams, truth maps, predicted poses.
 
-use nvsprior::packet::{HeldPoses, Latent, PoseProfile, Residual, session_check};
-use nvsprior::{Camera, EncoderOptions, Mode, Picture, Prior, Rate, Structure, Trust};
+use nvsprior::packet::{Latent, Parsed, PoseProfile, Residual};
+use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Prior, Rate, Structure, Trust};
 
-use crate::dive::{CAMERA, Dive, packet};
+use crate::common::engine;
+use crate::dive::{CAMERA, Dive, packet, pose};
 use crate::vector::{Kind, Vector};
 
 pub fn vectors(prior: &dyn Fn(&str) -> Prior) -> Vec<Vector> {
@@ -36,12 +37,15 @@ fn streams(dive: &Dive) -> Vec<Vector> {
         .enumerate()
         .map(|(t, packet)| packet[..packet.len() - if t == 2 { 9 } else { 0 }].to_vec())
         .collect();
-    let foreign = |packet: &Vec<u8>| match packet[0] & 15 {
-        4 => crate::bad::rechecked([&[0xB7][..], &packet[1..]].concat()),
+    // Those with a short pose, without a session part.
+    let foreign = |packet: &Vec<u8>| match (packet[0] & 0x1F, packet[1] & 4) {
+        (0, 0) => {
+            crate::bad::rechecked([&[packet[0], packet[1] | 0x20][..], &packet[2..]].concat())
+        }
         _ => packet.clone(),
     };
     let displaced = displaced(dive);
-    let starts = displaced.iter().skip(1).zip([23, 26, 30, 60]);
+    let starts = displaced.iter().skip(1).zip([24, 28, 33, 62]);
     let starts = starts.map(|(packet, len)| packet[..len.min(packet.len())].to_vec());
     let cut_displaced = displaced.iter().cloned().chain(starts).collect();
     let late = [0, 2, 1, 3].map(|place| layered[place].clone()).to_vec();
@@ -117,8 +121,8 @@ fn littered_packets(dive: &Dive, rate: Rate, count: u32) -> Vec<Vec<u8>> {
 }
 
 fn has_predicted_map(packet: &[u8]) -> bool {
-    let truth = nvsprior::Packet::salvage(packet).unwrap().truth;
-    truth.is_some_and(|map| map[0] & 0x10 != 0)
+    let parsed = Parsed::of(packet).unwrap();
+    parsed.truth(packet).is_some_and(|map| map[0] & 0b100 != 0)
 }
 
 /// A textured object that the prior does not know: it stands far in front of the wall, so it moves much.
@@ -160,11 +164,14 @@ fn truths(dive: &Dive) -> Vec<Vector> {
     vec![
         Vector::packets("truth-coarse", "truth maps at few bytes", coarse),
         Vector::packets("truth-fine", "truth maps of pictures that are right", fine),
-        Vector::packets(
-            "truth-losses",
-            "truth maps whose key map is lost",
-            without(&middle, &[0, 3]),
-        ),
+        Vector {
+            cameras: vec![CAMERA],
+            ..Vector::packets(
+                "truth-losses",
+                "truth maps whose key map is lost",
+                without(&middle, &[0, 3]),
+            )
+        },
         Vector {
             kind: Kind::Packets { trust: Trust::Start },
             cameras: vec![CAMERA],
@@ -188,52 +195,50 @@ fn truths(dive: &Dive) -> Vec<Vector> {
     ]
 }
 
-/// Packets of which some state their poses as what they differ by from earlier ones.
+pub fn is_predicted(packet: &[u8]) -> bool {
+    packet[0] & 0x1F == 0b1_1001
+}
+
+/// Packets of which some state their poses as what they differ by from earlier ones. Some have a render part.
 pub fn predicted(dive: &Dive, rate: Option<Rate>, count: u32) -> Vec<Vec<u8>> {
-    let options = EncoderOptions { rate, truth: true, ..EncoderOptions::default() };
-    let frames = dive.encoded(options, count);
-    let mut held = HeldPoses::default();
+    let options = EncoderOptions {
+        rate,
+        truth: true,
+        predict_poses: true,
+        check_interval: 3,
+        ..EncoderOptions::default()
+    };
+    let mut encoder = Encoder::new(&engine(), &dive.scene(), &CAMERA, options).unwrap();
     let mut packets = Vec::new();
-    for (t, encoded) in frames.iter().enumerate() {
-        let frame = t as u32;
-        let salvage = nvsprior::Packet::salvage(&encoded.packet).unwrap();
-        let latent = salvage.latent;
-        let session = session_check(dive.prior.id(), &CAMERA, &latent).unwrap();
-        let as_predicted = held.predict(frame, &latent, session).filter(|_| t > 1);
-        let residual = salvage.residual.unwrap();
-        packets.push(match as_predicted {
-            Some(latent) if !latent.uncertain => {
-                let truth = salvage.truth;
-                nvsprior::Packet { latent, camera: None, render: None, residual, truth }
-                    .encode()
-                    .unwrap()
-            }
-            _ => encoded.packet.clone(),
-        });
-        held.hold(frame, &latent, session);
+    for t in 0..count {
+        packets.push(encoder.encode(&dive.seen(&CAMERA, t), pose(t)).unwrap().packet);
+        // What came before is held once two frames have gone by.
+        if t > 0 {
+            encoder.acknowledge_pose(t - 1, true);
+        }
     }
-    assert!(packets.iter().filter(|packet| packet[0] >> 4 == 8).count() > 2);
+    assert!(packets.iter().filter(|packet| is_predicted(packet)).count() > 1);
     packets
 }
 
 fn poses(dive: &Dive) -> Vec<Vector> {
     let packets = predicted(dive, Some(Rate::Quality(25.0)), 8);
-    let first = packets.iter().position(|packet| packet[0] >> 4 == 8).unwrap();
+    let first = packets.iter().position(|packet| is_predicted(packet)).unwrap();
     let damaged = |place: usize, bit: usize| {
         let mut packet = packets[place].clone();
         packet[bit / 8] ^= 1 << (bit % 8);
         packet
     };
-    let bits = [0, 3, 8, 15, 17, 30, 50, 70];
+    let bits = [0, 3, 5, 8, 15, 17, 30, 35, 50, 70, 90];
     let spoiled = bits.map(|bit| damaged(first, bit)).to_vec();
     let before = packets[..first].to_vec();
     let cuts: Vec<Vec<u8>> =
         (0..packets[first].len()).step_by(3).map(|n| packets[first][..n].to_vec()).collect();
-    // A pose that is far away has no short form: nothing is predicted from it.
-    let far = nvsprior::Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 90.0]).unwrap();
+    // No pose is predicted from one that is far away.
+    let far = nvsprior::Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 40.0]).unwrap();
     let far = Latent {
-        pose: dive.quantised(&far, PoseProfile::Paper),
-        ..dive.latent(&CAMERA, first as u32 - 1, PoseProfile::Paper)
+        pose: dive.quantised(&far, PoseProfile::Short),
+        ..dive.short(&CAMERA, first as u32 - 2)
     };
     let far = packet(far, None, None, Residual::None);
     vec![
@@ -245,7 +250,7 @@ fn poses(dive: &Dive) -> Vec<Vector> {
         ),
         Vector::packets(
             "predicted-damaged",
-            "damaged packets in the predicted form",
+            "damaged packets with predicted poses",
             spoiled
                 .into_iter()
                 .flat_map(|bad| [before.clone(), vec![bad, packets[first].clone()]].concat())
@@ -253,7 +258,7 @@ fn poses(dive: &Dive) -> Vec<Vector> {
         ),
         Vector::packets(
             "predicted-cut",
-            "starts of a packet in the predicted form",
+            "starts of a packet with a predicted pose",
             [before.clone(), cuts].concat(),
         ),
         Vector::packets(

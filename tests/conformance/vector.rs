@@ -12,7 +12,7 @@ use crate::results::{Outcome, hex, md5};
 /// What a vector's records are.
 #[derive(Clone)]
 pub enum Kind {
-    /// Packets and updates, for one decoder, in order.
+    /// For one decoder, in order.
     Packets {
         trust: Trust,
     },
@@ -52,7 +52,6 @@ pub struct Vector {
     pub cameras: Vec<Camera>,
     /// Of a link: the frame numbers that may come out.
     pub frames: Range<u32>,
-    pub needs: &'static [&'static str],
     pub keys: Option<VectorKeys>,
     pub records: Vec<Vec<u8>>,
 }
@@ -66,7 +65,6 @@ impl Vector {
             kind: Kind::Packets { trust: Trust::Whole },
             cameras: Vec::new(),
             frames: 0..0,
-            needs: &[],
             keys: None,
             records,
         }
@@ -105,9 +103,6 @@ impl Vector {
         if !self.cameras.is_empty() {
             let camera = |c: &Camera| json!([c.width, c.height, c.fx, c.fy, c.cx, c.cy]);
             entry["cameras"] = self.cameras.iter().map(camera).collect();
-        }
-        if !self.needs.is_empty() {
-            entry["needs"] = json!(self.needs);
         }
         if let Some(VectorKeys { keys, tag_bytes, epoch }) = &self.keys {
             entry["keys"] = keys.iter().map(|key| hex(key)).collect();

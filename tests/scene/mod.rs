@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec3;
-use nvsprior::prior::{Learnt, NewSplat, Splats, Update, UpdateGrid};
+use nvsprior::prior::Splats;
 use nvsprior::render::{Plan, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
 
@@ -110,41 +110,4 @@ pub fn pose_error(a: &Pose, b: &Pose) -> f64 {
     let points = [(0.0, 0.0), (-2.0, -1.0), (2.0, -1.0), (-2.0, 1.0), (2.0, 1.0)];
     let moved = points.map(|(x, y)| DVec3::new(x, y, 4.0)).map(|p| (at(a, p) - at(b, p)).length());
     moved.into_iter().fold(0.0, f64::max)
-}
-
-/// Some coloured balls in front of the wall, other ones for each number.
-pub fn update(learnt: &Learnt) -> Update {
-    let number = learnt.number() + 1;
-    let place = i32::from(number) * 7;
-    let ball = |k: i32| NewSplat {
-        position: [place - 30 + 3 * k, 5 * k - 10, k],
-        log_scale: [-6; 3],
-        rotation: [0; 3],
-        opacity: 6,
-        colour: [10 - 3 * k as i8, (number % 9) as i8, 12],
-    };
-    Update {
-        prior: learnt.prior(),
-        number,
-        before: learnt.state(),
-        grid: UpdateGrid { origin: [0.0, 0.0, 3.0], exponent: -4 },
-        splats: (0..5).map(ball).collect(),
-        removed: if number > 1 { vec![0] } else { vec![] },
-        changed: vec![],
-        fades: vec![],
-        frames: [0, 1],
-    }
-}
-
-/// A chain of updates: their bytes, and the state after each.
-pub fn chain(prior: &Prior, count: usize) -> Vec<(Vec<u8>, Learnt)> {
-    let mut learnt = Learnt::none(prior.id());
-    let next = |_| {
-        let update = update(&learnt);
-        let mut bytes = Vec::new();
-        update.write(&mut bytes).unwrap();
-        learnt.add(&update).unwrap();
-        (bytes, learnt.clone())
-    };
-    (0..count).map(next).collect()
 }

@@ -1,7 +1,6 @@
 //! The element `nvspdec`.
 
 mod truth;
-mod updates;
 
 use std::sync::Mutex;
 use std::time::Instant;
@@ -14,18 +13,16 @@ use gst_video::subclass::prelude::*;
 use gst_video::{VideoDecoderRequestSyncPointFlags, VideoFormat, VideoInfo};
 
 use nvsprior::image::{ImageView, PixelFormat, write_picture};
-use nvsprior::packet::{Packet, Residual};
+use nvsprior::packet::Parsed;
 use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Error, Trust};
 
 use crate::caps;
-use crate::dive_file::DiveFile;
 use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
-use crate::update_event::{SentUpdate, UpdateName};
 
 log_category!("nvspdec", "nvsprior decoder");
 
@@ -45,9 +42,6 @@ pub enum TrustKind {
 #[derive(Clone, Debug)]
 struct Settings {
     camera: Option<String>,
-    updates: bool,
-    /// The dive file, or its folder.
-    learnt: Option<String>,
     trust: TrustKind,
     post_messages: bool,
     truth_messages: bool,
@@ -59,8 +53,6 @@ impl Default for Settings {
     fn default() -> Settings {
         Settings {
             camera: None,
-            updates: true,
-            learnt: None,
             trust: TrustKind::Auto,
             post_messages: false,
             truth_messages: false,
@@ -75,9 +67,6 @@ impl Default for Settings {
 struct State {
     held: Option<HeldPrior>,
     decoder: Option<nvsprior::Decoder>,
-    dive_file: Option<DiveFile>,
-    /// An update was refused since there is no room, and a warning has said so.
-    no_room: bool,
     decoded: Decoded,
     input: Option<gst_video::VideoCodecState<'static, gst_video::video_codec_state::Readable>>,
     /// The caps say that packets may end early.
@@ -98,10 +87,6 @@ struct Counts {
     refused: u64,
     damaged: u64,
     late: u64,
-    /// Pictures that show an older update than the vehicle's.
-    outdated: u64,
-    /// The newest update that is held.
-    learnt: Option<UpdateName>,
     last: Option<gst::Structure>,
 }
 
@@ -124,11 +109,6 @@ pub struct Decoder {
     #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
         blurb = "The vehicle's camera, width,height,fx,fy,cx,cy in pixels, so that packets can be decoded even if the \
             one that told it was lost (default: packets tell it)")]
-    #[property(name = "updates", get, set, type = bool, member = updates, mutable_ready, default_value = true,
-        blurb = "Keep room on the device for updates of the prior, and draw with those that come")]
-    #[property(name = "learnt", get, set, type = Option<String>, member = learnt, mutable_ready,
-        blurb = "File that keeps the updates that come, or its folder, where it is dive.nvsu; if it is there already, \
-            this dive begins with it, as the vehicle's must")]
     #[property(name = "trust", get, set, type = TrustKind, member = trust, mutable_playing,
         blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
@@ -140,8 +120,8 @@ pub struct Decoder {
         blurb = "Draw over each picture what of it differs from what the camera saw (yellow stripes), is wrong \
             (magenta lattice), or was not seen (grey, with dots)")]
     #[property(name = "filter", get, set, type = bool, member = filter, mutable_ready,
-        blurb = "Filter pictures by a small network that knows the scene, with the weights beside the prior's file \
-            (PRIOR.filter), or with the library's")]
+        blurb = "Filter pictures by a small network that knows the scene, with the prior's weights, or with the \
+            library's")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
@@ -178,12 +158,7 @@ impl Decoder {
             .field("refused", counts.refused)
             .field("damaged", counts.damaged)
             .field("late", counts.late)
-            .field("outdated", counts.outdated)
             .build();
-        if let Some(learnt) = counts.learnt {
-            stats.set("updates", u32::from(learnt.number));
-            stats.set("state", learnt.state.to_string());
-        }
         if let Some(last) = &counts.last {
             stats.set("last", last);
         }
@@ -249,9 +224,6 @@ impl Decoder {
         if let Some(reference) = decoded.reference {
             figures.set("reference", reference);
         }
-        if let Some(update) = decoded.missing_update {
-            figures.set("missing-update", u32::from(update));
-        }
         if let Some(same) = decoded.same_render {
             figures.set("same-render", same);
         }
@@ -262,7 +234,6 @@ impl Decoder {
             let mut counts = lock(&self.counts);
             counts.pictures += 1;
             counts.damaged += u64::from(decoded.damage.is_some());
-            counts.outdated += u64::from(decoded.missing_update.is_some());
             counts.last = Some(figures.clone());
         }
         let (figures_wanted, truth_wanted) = {
@@ -345,14 +316,9 @@ impl Decoder {
 
 /// Whether later frames may be predicted from this one.
 fn leads(packet: &[u8]) -> bool {
-    match Packet::salvage(packet) {
-        // The camera is needed, too.
-        Ok(salvage) => {
-            matches!(salvage.residual, Ok(Residual::Stream { .. }))
-                || matches!(salvage.camera, Ok(Some(_)))
-        }
-        Err(_) => false,
-    }
+    // The camera is needed, too.
+    Parsed::of(packet)
+        .is_ok_and(|packet| packet.is_in_stream() || matches!(packet.session(), Ok(Some(_))))
 }
 
 /// Whether the vehicle can help, by an intra frame that tells the camera.
@@ -360,8 +326,8 @@ fn wants_key(error: &Error) -> bool {
     matches!(
         error,
         Error::Residual(ResidualError::ReferenceMissing { .. })
-            | Error::CameraUnknown { .. }
             | Error::SessionUnknown { .. }
+            | Error::Estranged { .. }
     )
 }
 
@@ -398,13 +364,8 @@ impl ElementImpl for Decoder {
 
 impl VideoDecoderImpl for Decoder {
     fn start(&self) -> Result<(), gst::ErrorMessage> {
-        let updates = lock(&self.settings).updates;
         let prior = lock(&self.prior).clone();
-        if prior.is_in_blocks() && lock(&self.settings).learnt.is_some() {
-            let error = property::PropertyError::InBlocks("learnt");
-            return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
-        }
-        let held = HeldPrior::open(&prior, updates)?;
+        let held = HeldPrior::open(&prior)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         let mut decoder = nvsprior::Decoder::new(&held.engine, &held.scene);
         if let Some(camera) = &lock(&self.settings).camera {
@@ -416,10 +377,9 @@ impl VideoDecoderImpl for Decoder {
         }
         let filtered = decoder.set_filter(lock(&self.settings).filter);
         filtered.map_err(|error| gst::error_msg!(gst::LibraryError::Init, ("filter: {error}")))?;
-        let dive_file = self.begin_learnt(&held, &mut decoder)?;
         *lock(&self.counts) = Counts::default();
         let (held, decoder) = (Some(held), Some(decoder));
-        *lock(&self.state) = State { held, decoder, dive_file, ..State::default() };
+        *lock(&self.state) = State { held, decoder, ..State::default() };
         Ok(())
     }
 
@@ -451,18 +411,7 @@ impl VideoDecoderImpl for Decoder {
         state.input = Some(input.clone());
         // The frame rate may be new.
         state.output = None;
-        let learnt = state.decoder.as_ref().map(updates::newest).filter(|name| name.number > 0);
-        drop(state);
-        // A payloader or depayloader that has just begun does not know.
-        learnt.into_iter().for_each(|name| self.tell_held(name));
         Ok(())
-    }
-
-    fn sink_event(&self, event: gst::Event) -> bool {
-        let Some(update) = SentUpdate::read(&event) else { return self.parent_sink_event(event) };
-        let held = self.take_update(&update);
-        held.into_iter().for_each(|name| self.tell_held(name));
-        held.is_some()
     }
 
     fn handle_frame(
@@ -490,10 +439,7 @@ impl VideoDecoderImpl for Decoder {
                     self.obj()
                         .request_sync_point(&frame, VideoDecoderRequestSyncPointFlags::empty());
                 }
-                let effect = match damage {
-                    Some(Error::UpdateMissing { .. }) => "updates come again over the link",
-                    _ => "showing what the packet gives without it",
-                };
+                let effect = "showing what the packet gives without it";
                 self.complain(&mut state, damage.as_ref().map(|error| (error, effect)));
                 if let Err(error) = self.show(&mut state, &mut frame) {
                     drop(state);

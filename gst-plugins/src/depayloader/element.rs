@@ -3,8 +3,6 @@
 //! Packets that are due go on from the thread that brings shares. In live pipelines a second thread sees to those that
 //! are due while no share comes.
 
-mod updates;
-
 use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 
 use gst::glib;
@@ -18,7 +16,6 @@ use crate::keys::{KeySettings, key_properties};
 use crate::lock::lock;
 use crate::playout::{Played, Playout, PlayoutOptions};
 use crate::stats::properties_with_stats;
-use crate::update_event::UpdateName;
 
 log_category!("nvspdepay", "nvsprior depayloader");
 
@@ -56,8 +53,6 @@ struct State {
     asked: bool,
     /// The timer's thread is to end.
     stopping: bool,
-    /// The updates that the decoder says it holds, newest first.
-    held: Vec<UpdateName>,
     /// What the timer waits for, and until when, seconds.
     timer: Option<(gst::SingleShotClockId, f64)>,
 }
@@ -68,7 +63,6 @@ struct Counts {
     refused: u64,
     packets: u64,
     complete: u64,
-    updates: u64,
 }
 
 #[derive(glib::Properties)]
@@ -145,7 +139,6 @@ impl Depayloader {
             .field("partial", shares.partial)
             .field("lost", shares.lost)
             .field("damaged", shares.damaged)
-            .field("updates", counts.updates)
             .field("foreign", shares.foreign)
             .field("replayed", shares.replayed)
             .field("next-number", next_number)
@@ -154,6 +147,14 @@ impl Depayloader {
             stats.set("loss", 1.0 - shares.arrived as f64 / shares.sent as f64);
         }
         stats
+    }
+
+    /// A report for the vehicle; `None`: there is nothing to tell.
+    fn report(&self) -> Option<glib::Bytes> {
+        let report = lock(&self.state).playout.as_mut()?.report();
+        let report =
+            report.inspect_err(|error| gst::debug!(CATEGORY, imp = self, "a report: {error}"));
+        Some(glib::Bytes::from_owned(report.ok()??))
     }
 
     /// Asks what comes before whether it is live. Its latency, if it is.
@@ -295,7 +296,6 @@ impl Depayloader {
             self.post_error_message(error);
             gst::FlowError::Error
         })?;
-        self.pass_updates();
         let played = self.play(now);
         self.set_timer();
         played
@@ -458,13 +458,6 @@ impl ObjectSubclass for Depayloader {
             })
             .build();
         let src = pad(class.pad_template("src"))
-            .event_function(|_, parent, event| {
-                Depayloader::catch_panic_pad_function(
-                    parent,
-                    || false,
-                    |this| this.src_event(event),
-                )
-            })
             .query_function(|_, parent, query| {
                 Depayloader::catch_panic_pad_function(
                     parent,

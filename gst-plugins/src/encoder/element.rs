@@ -1,7 +1,5 @@
 //! The element `nvspenc`.
 
-mod updates;
-
 use std::sync::Mutex;
 
 use gst::glib;
@@ -15,17 +13,14 @@ use nvsprior::image::{Colour, ImageView, PixelFormat};
 use nvsprior::tracking::FrameInfo;
 
 use super::frames::{Frames, FramesError, Taken};
-use super::learning::{LearntFigures, Told};
 use super::settings::{ModeKind, RateKind, Settings, StructureKind, TuneKind};
 use crate::budget::Budget;
 use crate::caps;
-use crate::dive_file::DiveFile;
 use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
 use crate::property;
 use crate::stats::{self, properties_with_stats};
-use crate::update_event::Answer;
 
 log_category!("nvspenc", "nvsprior encoder");
 
@@ -33,8 +28,6 @@ log_category!("nvspenc", "nvsprior encoder");
 #[derive(Default)]
 struct State {
     held: Option<HeldPrior>,
-    /// Until the frames have it.
-    dive_file: Option<DiveFile>,
     frames: Option<Frames>,
     info: Option<VideoInfo>,
     /// The last frames gave no packets, and a warning has said why.
@@ -50,7 +43,6 @@ struct Counts {
     left_out: u64,
     late: u64,
     uncertain: u64,
-    learnt: Option<LearntFigures>,
     last: Option<gst::Structure>,
 }
 
@@ -104,11 +96,9 @@ pub struct Encoder {
         blurb = "With mode=stream: an intra frame comes after this many frames; 0: no more after the first")]
     #[property(name = "camera-interval", get, set, type = u32, member = camera_interval, mutable_ready,
         default_value = 64,
-        blurb = "Send the camera again after this many frames, for a topside that missed it; 0: never again")]
+        blurb = "State prior and camera again after this many frames, for a topside that missed them; 0: never again")]
     #[property(name = "render-check", get, set, type = u32, member = render_check, mutable_ready,
         blurb = "Send a check of the render (6 bytes) every so many frames; 0: never")]
-    #[property(name = "full-latent", get, set, type = bool, member = full_latent, mutable_ready,
-        blurb = "Give every packet the full form, a latent part of 31 bytes in place of 19")]
     #[property(name = "frames-treated", get, set, type = bool, member = frames_treated, mutable_ready,
         blurb = "Frames come already treated as the prior's preprocessing says")]
     #[property(name = "truth", get, set, type = bool, member = truth, mutable_ready, default_value = true,
@@ -156,20 +146,12 @@ pub struct Encoder {
     #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0,
         minimum = 1.0, maximum = 1000.0,
         blurb = "With rate=link: mean number of them that are lost in a row")]
-    #[property(name = "learn", get, set, type = u32, member = learn, mutable_ready, maximum = 1000,
-        blurb = "Learn what frames show and the prior does not: steps of training per frame, each about as long as a \
-            forward render; 0: nothing is learnt")]
-    #[property(name = "updates", get, set, type = Option<String>, member = updates, mutable_ready,
-        blurb = "File that keeps what is learnt, or its folder, where it is dive.nvsu; if it is there already, this \
-            dive begins with it")]
     #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
         blurb = "Post an element message nvspenc-frame with each frame's figures")]
     settings: Mutex<Settings>,
 
     counts: Mutex<Counts>,
     state: Mutex<State>,
-    /// Never locked while events or buffers are pushed: answers come while they are.
-    told: Mutex<Told>,
 }
 
 const FORMATS: [VideoFormat; 6] = [
@@ -220,9 +202,6 @@ impl Encoder {
             .field("late", counts.late)
             .field("uncertain", counts.uncertain)
             .build();
-        if let Some(learnt) = &counts.learnt {
-            learnt.tell(&mut stats);
-        }
         if let Some(last) = &counts.last {
             stats.set("last", last);
         }
@@ -304,9 +283,6 @@ impl Encoder {
         if let Some(budget) = budget {
             figures.set("budget", budget.bytes);
         }
-        if let Some(learnt) = frames.learnt() {
-            learnt.tell(&mut figures);
-        }
         figures
     }
 
@@ -329,8 +305,7 @@ impl Encoder {
         let mapped = gst_video::VideoFrameRef::from_buffer_ref_readable(input, info)
             .map_err(|error| failed(format!("mapping a frame: {error}")))?;
         let view = Self::view(&mapped)?;
-        let told = *lock(&self.told);
-        let taken = frames.take(&view, time, frame_info, &settings, &told);
+        let taken = frames.take(&view, time, frame_info, &settings);
         if let Ok(Taken::LeftOut | Taken::TooSmall(_)) = taken {
             // The next frame takes it, unless there is a newer one by then.
             lock(&self.settings).info.get_or_insert(frame_info);
@@ -452,31 +427,17 @@ impl VideoEncoderImpl for Encoder {
         if let Err(error) = lock(&self.settings).start.as_deref().map(property::pose).transpose() {
             return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
         }
-        let takes_updates = lock(&self.settings).takes_updates();
         let prior = lock(&self.prior).clone();
-        if takes_updates && prior.is_in_blocks() {
-            let error = property::PropertyError::InBlocks("learn and updates");
-            return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
-        }
-        let held = HeldPrior::open(&prior, takes_updates)?;
+        let held = HeldPrior::open(&prior)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
-        let dive_file = self.dive_file(&held)?;
         *lock(&self.counts) = Counts::default();
-        *lock(&self.told) = Told::default();
-        *lock(&self.state) = State { held: Some(held), dive_file, ..State::default() };
+        *lock(&self.state) = State { held: Some(held), ..State::default() };
         self.start_again();
         Ok(())
     }
 
     fn stop(&self) -> Result<(), gst::ErrorMessage> {
-        let told = *lock(&self.told);
-        let mut state = std::mem::take(&mut *lock(&self.state));
-        if let Some(frames) = &mut state.frames {
-            // The topside may have got it after the last frame.
-            let (learning, encoder) = frames.learning();
-            learning.follow(encoder, &told);
-            self.save(learning);
-        }
+        *lock(&self.state) = State::default();
         Ok(())
     }
 
@@ -491,14 +452,15 @@ impl VideoEncoderImpl for Encoder {
         let size = (info.width(), info.height());
         let (camera, prior) = {
             let mut state = lock(&self.state);
-            let State { held: Some(held), dive_file, frames, .. } = &mut *state else {
+            let State { held: Some(held), frames, .. } = &mut *state else {
                 return Err(gst::loggable_error!(CATEGORY, "caps before the start"));
             };
             let prior = held.scene.id().to_string();
             let ready = match frames {
                 Some(frames) => frames.change(&settings, size, frame_rate),
-                None => Frames::new(held, dive_file.take(), &settings, size, frame_rate)
-                    .map(|made| *frames = Some(made)),
+                None => {
+                    Frames::new(held, &settings, size, frame_rate).map(|made| *frames = Some(made))
+                }
             };
             if let Err(error) = ready {
                 gst::element_imp_error!(self, gst::LibraryError::Settings, ("{error}"));
@@ -546,31 +508,13 @@ impl VideoEncoderImpl for Encoder {
                     frame.set_flags(gst_video::VideoCodecFrameFlags::SYNC_POINT);
                 }
                 frame.set_output_buffer(packet);
-                // Those of earlier dives come before the first packet.
-                self.send_updates();
-                let done = self.obj().finish_frame(frame)?;
-                self.learn().map_err(|error| {
-                    self.post_error_message(error);
-                    gst::FlowError::Error
-                })?;
-                self.send_updates();
-                Ok(done)
+                self.obj().finish_frame(frame)
             }
             Ok(None) => self.leave_out(frame),
             Err(error) => {
                 self.post_error_message(error);
                 Err(gst::FlowError::Error)
             }
-        }
-    }
-
-    fn src_event(&self, event: gst::Event) -> bool {
-        match Answer::read(&event) {
-            Some(answer) => {
-                lock(&self.told).take(answer);
-                true
-            }
-            None => self.parent_src_event(event),
         }
     }
 

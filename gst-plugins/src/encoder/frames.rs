@@ -7,11 +7,9 @@ use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Encoded, Encoder, Error, Picture, Rate};
 
 use crate::budget::Budget;
-use crate::dive_file::DiveFile;
 use crate::held_prior::HeldPrior;
 use crate::property::{self, PropertyError};
 
-use super::learning::{Learning, LearntFigures, Told};
 use super::settings::{RateKind, Settings};
 
 #[derive(Debug, thiserror::Error)]
@@ -39,7 +37,6 @@ pub enum Taken {
 
 pub struct Frames {
     encoder: Encoder,
-    learning: Learning,
     converter: Converter,
     picture: Picture,
     encoded: Encoded,
@@ -58,10 +55,9 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// For frames of a size, as the properties say. `dive_file`: what was learnt before.
+    /// For frames of a size, as the properties say.
     pub fn new(
         held: &HeldPrior,
-        dive_file: Option<DiveFile>,
         settings: &Settings,
         size: (u32, u32),
         frame_rate: Option<f64>,
@@ -70,10 +66,8 @@ impl Frames {
         let (engine, scene) = (&held.engine, &held.scene);
         let mut encoder = Encoder::new(engine, scene, &camera, settings.encoder_options())?;
         encoder.set_mask(mask.as_ref())?;
-        let learning = Learning::begin(&mut encoder, dive_file, settings.learn)?;
         let mut frames = Frames {
             encoder,
-            learning,
             converter,
             picture: Picture::new(camera.width, camera.height),
             encoded: Encoded::with_room(camera.width, camera.height),
@@ -136,18 +130,7 @@ impl Frames {
         self.encoder.announce();
     }
 
-    /// The encoder, and what it learns.
-    pub fn learning(&mut self) -> (&mut Learning, &mut Encoder) {
-        (&mut self.learning, &mut self.encoder)
-    }
-
-    /// What the next frame is drawn with beside the prior; `None`: there are no updates.
-    pub fn learnt(&self) -> Option<LearntFigures> {
-        self.learning.figures(&self.encoder)
-    }
-
     pub fn reset(&mut self) {
-        self.learning.send_again();
         self.encoder.reset();
         self.control = None;
         self.before = None;
@@ -176,20 +159,18 @@ impl Frames {
         self.number(self.forward(time));
     }
 
-    /// Encodes the frame of `time`, seconds. `told`: what those downstream say of updates.
+    /// Encodes the frame of `time`, seconds.
     pub fn take(
         &mut self,
         image: &ImageView,
         time: f64,
         mut info: FrameInfo,
         settings: &Settings,
-        told: &Told,
     ) -> Result<Taken, FramesError> {
-        self.learning.follow(&mut self.encoder, told);
         let time = self.forward(time);
         let number = self.number(time);
         let budget = match settings.rate {
-            RateKind::Link => match self.plan(time, settings, told)? {
+            RateKind::Link => match self.plan(time, settings)? {
                 Ok(planned) => Some(planned),
                 Err(outcome) => return Ok(outcome),
             },
@@ -218,12 +199,7 @@ impl Frames {
     }
 
     /// The budget of a frame, and its rate.
-    fn plan(
-        &mut self,
-        now: f64,
-        settings: &Settings,
-        told: &Told,
-    ) -> Result<Result<Budget, Taken>, ModemError> {
+    fn plan(&mut self, now: f64, settings: &Settings) -> Result<Result<Budget, Taken>, ModemError> {
         let options = settings.rate_control(self.frame_rate);
         let control = match &mut self.control {
             Some(control) => control,
@@ -235,7 +211,6 @@ impl Frames {
         if control.options().loss != options.loss {
             control.set_loss(options.loss)?;
         }
-        control.reserve(now, told.share())?;
         let Some(budget) = control.plan(now) else { return Ok(Err(Taken::LeftOut)) };
         match control.capacity(budget) {
             Ok(bytes) => {

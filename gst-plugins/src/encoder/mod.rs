@@ -2,7 +2,6 @@
 
 mod element;
 mod frames;
-mod learning;
 mod settings;
 
 crate::element::class!(

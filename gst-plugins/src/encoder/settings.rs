@@ -85,7 +85,6 @@ pub struct Settings {
     pub key_every: u32,
     pub camera_interval: u32,
     pub render_check: u32,
-    pub full_latent: bool,
     pub frames_treated: bool,
     pub truth: bool,
     pub rate: RateKind,
@@ -109,10 +108,6 @@ pub struct Settings {
     pub shares: u32,
     pub loss: f64,
     pub burst: f64,
-    /// Steps of training per frame; 0: nothing is learnt.
-    pub learn: u32,
-    /// The dive file, or its folder.
-    pub updates: Option<String>,
     pub post_messages: bool,
 }
 
@@ -139,7 +134,6 @@ impl Default for Settings {
             key_every: 16,
             camera_interval: 64,
             render_check: 0,
-            full_latent: false,
             frames_treated: false,
             truth: true,
             rate: RateKind::default(),
@@ -158,8 +152,6 @@ impl Default for Settings {
             shares: 16,
             loss: 0.1,
             burst: 1.0,
-            learn: 0,
-            updates: None,
             post_messages: false,
         }
     }
@@ -185,18 +177,12 @@ impl Settings {
                 ModeKind::Intra => Mode::Intra,
                 ModeKind::Stream => Mode::Stream(structure),
             },
-            short: !self.full_latent,
             camera_interval: self.camera_interval,
             check_interval: self.render_check,
             frames_treated: self.frames_treated,
             truth: self.truth,
             ..EncoderOptions::default()
         }
-    }
-
-    /// Whether frames may be drawn with updates.
-    pub fn takes_updates(&self) -> bool {
-        self.learn > 0 || self.updates.is_some()
     }
 
     /// The rate, unless the link decides it.

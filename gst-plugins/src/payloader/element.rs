@@ -1,16 +1,13 @@
 //! The element `nvsppay`.
 
-mod updates;
-
-use std::sync::{Mutex, OnceLock};
+use std::sync::Mutex;
 
 use gst::glib;
-use gst::glib::subclass::Signal;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
-use nvsprior::keys::{Authenticator, Content, Verifier};
-use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer, UpdateOptions};
+use nvsprior::keys::{Authenticator, Content};
+use nvsprior::modem::{Interleaver, Loss, ModemError, Sharer};
 use nvsprior::packet::Extent;
 
 use crate::budget::Budget;
@@ -19,9 +16,6 @@ use crate::element::{add_pads, log_category, pad, registry};
 use crate::keys::{KeyFileError, KeySettings, key_properties};
 use crate::lock::lock;
 use crate::stats::properties_with_stats;
-use crate::update_event::SentUpdate;
-
-use super::pieces::{PieceLink, Pieces};
 
 log_category!("nvsppay", "nvsprior payloader");
 
@@ -38,8 +32,6 @@ struct Settings {
     spread: u32,
     loss: f64,
     burst: f64,
-    update_share: f64,
-    expect_reports: bool,
     keys: KeySettings,
 }
 
@@ -55,8 +47,6 @@ impl Default for Settings {
             spread: 0,
             loss: 0.1,
             burst: 1.0,
-            update_share: UpdateOptions::default().share,
-            expect_reports: false,
             keys: KeySettings::default(),
         }
     }
@@ -78,12 +68,6 @@ enum Refused {
     Planned { planned: u32, taken: u32 },
 }
 
-/// What makes tags, and checks those of reports.
-struct Keyed {
-    authenticator: Authenticator,
-    verifier: Verifier,
-}
-
 impl Settings {
     /// For packets that come without a budget.
     /// `tag`: bytes of number and tag.
@@ -100,19 +84,6 @@ impl Settings {
             bytes: self.budget,
         })
     }
-
-    /// What updates get of the link that a packet goes over.
-    fn piece_link(&self, budget: &Budget) -> PieceLink {
-        PieceLink {
-            bit_rate: budget.bit_rate,
-            mtu: budget.mtu as usize,
-            overhead: budget.overhead as usize,
-            loss: budget.loss,
-            stream: self.stream as u8,
-            share: self.update_share,
-            expect_reports: self.expect_reports,
-        }
-    }
 }
 
 /// What the element holds while it runs.
@@ -120,11 +91,8 @@ impl Settings {
 struct State {
     sharer: Sharer,
     interleaver: Option<Interleaver>,
-    pieces: Pieces,
-    /// `None`: there are no keys.
-    keyed: Option<Keyed>,
-    /// The time of the last packet, seconds.
-    now: f64,
+    /// What makes tags; `None`: there are no keys.
+    authenticator: Option<Authenticator>,
     /// Seconds from a packet's first share to its last one.
     spread: f64,
     /// Up to when shares were let go, seconds.
@@ -133,8 +101,6 @@ struct State {
     cut: bool,
     /// The packet before was left out, and a warning has said why.
     refused: bool,
-    /// The update before was left out, and a warning has said why.
-    update_refused: bool,
 }
 
 #[derive(Default)]
@@ -144,11 +110,6 @@ struct Counts {
     bytes: u64,
     refused: u64,
     cut: u64,
-    updates: u64,
-    pieces: u64,
-    piece_bytes: u64,
-    foreign: u64,
-    replayed: u64,
 }
 
 #[derive(glib::Properties)]
@@ -183,13 +144,8 @@ pub struct Payloader {
     #[property(name = "burst", get, set, type = f64, member = burst, mutable_playing, default_value = 1.0,
         minimum = 1.0, maximum = 1000.0,
         blurb = "Mean number of them that are lost in a row (unless nvspenc has rate=link)")]
-    #[property(name = "update-share", get, set, type = f64, member = update_share, mutable_ready,
-        default_value = UpdateOptions::default().share, minimum = 0.01, maximum = 0.99,
-        blurb = "Part of the bit rate that an update of the prior gets while it is sent")]
-    #[property(name = "expect-reports", get, set, type = bool, member = expect_reports, mutable_ready,
-        blurb = "The topside's reports will be given by the signal report: an update counts as held once one says so")]
     #[property(name = "key-file", get = Self::key_file, set = Self::set_key_file, type = Option<String>, mutable_ready,
-        blurb = "File with a key, as nvsprior key makes it: modem frames get a tag, and reports need one")]
+        blurb = "File with a key, as nvsprior key makes it: modem frames get a tag")]
     #[property(name = "epoch", get = Self::epoch, set = Self::set_epoch, type = u64, mutable_ready,
         blurb = "Number of the dive, with key-file: nothing of another one passes")]
     #[property(name = "tag-bytes", get = Self::tag_bytes, set = Self::set_tag_bytes, type = u32, mutable_ready,
@@ -204,9 +160,6 @@ pub struct Payloader {
     state: Mutex<State>,
 }
 
-/// After a pause without packets, pieces of so many seconds go at most.
-const CATCH_UP: f64 = 1.0;
-
 /// A share that goes out, and when it is due, seconds.
 type DueShare = (f64, Vec<u8>);
 
@@ -214,8 +167,7 @@ impl Payloader {
     key_properties!();
 
     fn stats(&self) -> gst::Structure {
-        let next_number =
-            lock(&self.state).keyed.as_ref().map(|keyed| keyed.authenticator.next_number());
+        let next_number = lock(&self.state).authenticator.as_ref().map(Authenticator::next_number);
         let counts = lock(&self.counts);
         gst::Structure::builder("nvsppay-stats")
             .field("packets", counts.packets)
@@ -223,11 +175,6 @@ impl Payloader {
             .field("bytes", counts.bytes)
             .field("refused", counts.refused)
             .field("cut", counts.cut)
-            .field("updates", counts.updates)
-            .field("pieces", counts.pieces)
-            .field("piece-bytes", counts.piece_bytes)
-            .field("foreign", counts.foreign)
-            .field("replayed", counts.replayed)
             .field("next-number", next_number.unwrap_or(0))
             .build()
     }
@@ -240,7 +187,7 @@ impl Payloader {
         let mapped = buffer.map_readable();
         let packet = mapped.as_deref().unwrap_or(&[]);
         let picture = Extent::read(packet).map_err(ModemError::from)?.head;
-        let tag = state.keyed.as_ref().map_or(0, |keyed| keyed.authenticator.overhead() as u32);
+        let tag = state.authenticator.as_ref().map_or(0, |by| by.overhead() as u32);
         let (budget, sharing) = match Budget::beside(buffer) {
             Some(budget) if budget.tag != tag => {
                 return Err(Refused::Planned { planned: budget.tag, taken: tag });
@@ -258,8 +205,6 @@ impl Payloader {
                 (budget, sharing)
             }
         };
-        state.now = now;
-        state.pieces.follow(now, settings.piece_link(&budget))?;
         state.sharer.share(packet, &sharing, settings.stream as u8, None)?;
         let mut left = Vec::new();
         let State { sharer, interleaver, spread, .. } = &mut *state;
@@ -307,56 +252,28 @@ impl Payloader {
     /// A modem frame with its tag, if there are keys.
     fn authenticated(&self, frame: Vec<u8>) -> Vec<u8> {
         let mut state = lock(&self.state);
-        let Some(keyed) = &mut state.keyed else { return frame };
-        let mut with_tag = Vec::with_capacity(frame.len() + keyed.authenticator.overhead());
-        keyed.authenticator.write(lock(&self.settings).stream as u8, &frame, &mut with_tag);
+        let Some(authenticator) = &mut state.authenticator else { return frame };
+        let mut with_tag = Vec::with_capacity(frame.len() + authenticator.overhead());
+        authenticator.write(lock(&self.settings).stream as u8, &frame, &mut with_tag);
         with_tag
     }
 
     /// Reads the key file anew, if there is one.
-    fn open_keys(&self) -> Result<Option<Keyed>, KeyFileError> {
+    fn open_keys(&self) -> Result<Option<Authenticator>, KeyFileError> {
         let settings = lock(&self.settings).keys.clone();
         let keys = settings.open()?;
-        Ok(keys.map(|keys| Keyed {
-            authenticator: Authenticator::new(&keys, Content::Frame),
-            verifier: Verifier::new(&keys, Content::Report),
-        }))
+        Ok(keys.map(|keys| Authenticator::new(&keys, Content::Frame)))
     }
 
-    /// Pushes the shares and pieces that are due before `until`, seconds, now that it is `now`.
-    fn push_until(&self, now: f64, until: f64) -> Result<gst::FlowSuccess, gst::FlowError> {
+    /// Pushes the shares that are due before `until`, seconds.
+    fn push_until(&self, until: f64) -> Result<gst::FlowSuccess, gst::FlowError> {
         let due = {
             let mut state = lock(&self.state);
-            let from = state.released.max(now - CATCH_UP);
             state.released = state.released.max(until);
-            self.release_all(&mut state, from, until)
+            let waiting = state.interleaver.as_mut();
+            waiting.map(|waiting| self.release(waiting, until)).unwrap_or_default()
         };
-        self.push(due)?;
-        self.answer();
-        Ok(gst::FlowSuccess::Ok)
-    }
-
-    /// Takes the shares and pieces that are due before `until`, in the order in which they are, pieces not before
-    /// `from`. Pieces never end: at the end of the stream, where `until` is infinite, there are none.
-    fn release_all(&self, state: &mut State, from: f64, until: f64) -> Vec<DueShare> {
-        let State { interleaver, pieces, .. } = state;
-        let mut due = Vec::new();
-        let mut shares_until = |until: f64, due: &mut Vec<DueShare>| {
-            if let Some(waiting) = interleaver {
-                due.extend(self.release(waiting, until));
-            }
-        };
-        while let Some(at) = pieces.due().filter(|at| *at < until && until.is_finite()) {
-            let at = at.max(from);
-            shares_until(at, &mut due);
-            let Some(piece) = pieces.next(at) else { break };
-            let mut counts = lock(&self.counts);
-            counts.pieces += 1;
-            counts.piece_bytes += piece.len() as u64;
-            due.push((at, piece));
-        }
-        shares_until(until, &mut due);
-        due
+        self.push(due)
     }
 
     /// Takes the shares that are due before `until`.
@@ -396,19 +313,13 @@ impl Payloader {
         }
         // Shares that are due before the next frame go now, so that they are at the sink in time. Beyond that, those of
         // the next packet may lie between them.
-        self.push_until(now, now + duration.max(1e-9))
+        self.push_until(now + duration.max(1e-9))
     }
 
     fn sink_event(&self, event: gst::Event) -> bool {
-        if let Some(update) = SentUpdate::read(&event) {
-            self.take_update(update);
-            return true;
-        }
         match event.view() {
             gst::EventView::Caps(of) => {
                 let rate = caps::frame_rate(of.caps());
-                // An encoder that has just begun knows nothing.
-                lock(&self.state).pieces.tell_again();
                 let mut caps = caps::any(caps::SHARE);
                 let fields = caps.make_mut();
                 fields.set("stream", lock(&self.settings).stream as i32);
@@ -420,22 +331,20 @@ impl Payloader {
             gst::EventView::Gap(gap) => {
                 let (from, duration) = gap.get();
                 let until = from + duration.unwrap_or(gst::ClockTime::ZERO);
-                let pushed = self.push_until(from.seconds_f64(), until.seconds_f64());
+                let pushed = self.push_until(until.seconds_f64());
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event) && pushed.is_ok()
             }
             gst::EventView::Eos(_) => {
-                if let Err(error) = self.push_until(f64::INFINITY, f64::INFINITY) {
+                if let Err(error) = self.push_until(f64::INFINITY) {
                     gst::debug!(CATEGORY, imp = self, "the last shares: {error}");
                 }
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
             }
             gst::EventView::FlushStop(_) => {
                 let mut state = lock(&self.state);
-                let mut pieces = std::mem::take(&mut state.pieces);
-                pieces.restart();
                 // Numbers go on.
-                let keyed = state.keyed.take();
-                *state = State { pieces, keyed, ..State::default() };
+                let authenticator = state.authenticator.take();
+                *state = State { authenticator, ..State::default() };
                 drop(state);
                 gst::Pad::event_default(&self.sink, Some(&*self.obj()), event)
             }
@@ -477,24 +386,6 @@ impl ObjectSubclass for Payloader {
 impl ObjectImpl for Payloader {
     properties_with_stats!();
 
-    fn signals() -> &'static [Signal] {
-        static SIGNALS: OnceLock<Vec<Signal>> = OnceLock::new();
-        SIGNALS.get_or_init(|| {
-            let report = Signal::builder("report")
-                .param_types([glib::Bytes::static_type()])
-                .return_type::<bool>()
-                .run_last()
-                .action()
-                .class_handler(|values| {
-                    let element = values[0].get::<super::Payloader>().ok()?;
-                    let report = values[1].get::<Option<glib::Bytes>>().ok()?;
-                    let taken = report.is_some_and(|bytes| element.imp().take_report(&bytes));
-                    Some(taken.to_value())
-                });
-            vec![report.build()]
-        })
-    }
-
     fn constructed(&self) {
         self.parent_constructed();
         add_pads(&*self.obj(), [&self.sink, &self.src]);
@@ -517,11 +408,11 @@ impl ElementImpl for Payloader {
         transition: gst::StateChange,
     ) -> Result<gst::StateChangeSuccess, gst::StateChangeError> {
         if transition == gst::StateChange::ReadyToPaused {
-            let keyed = self.open_keys().map_err(|error| {
+            let authenticator = self.open_keys().map_err(|error| {
                 gst::element_imp_error!(self, gst::ResourceError::OpenRead, ("{error}"));
                 gst::StateChangeError
             })?;
-            *lock(&self.state) = State { keyed, ..State::default() };
+            *lock(&self.state) = State { authenticator, ..State::default() };
             *lock(&self.counts) = Counts::default();
         }
         self.parent_change_state(transition)

@@ -1,5 +1,7 @@
 use nvsprior::modem::{Loss, Sharer, Sharing, SharingOptions};
-use nvsprior::packet::{Coder, Latent, Packet, PoseProfile, QuantisedPose, Residual};
+use nvsprior::packet::{
+    Latent, Packet, PoseProfile, QuantisedPose, Residual, SHORT_LATENT_LEN, Session,
+};
 use nvsprior::prior::CoordinateFrame;
 use nvsprior::{Camera, Pose, PriorId};
 
@@ -18,11 +20,11 @@ fn packet(frame: u32) -> Vec<u8> {
     let site = CoordinateFrame { centre: [0.0; 3], spread: 5.0 };
     let pose = Pose::from_wxyz([1.0, 0.1, 0.0, 0.0], [0.1, 0.2, 3.0]).unwrap();
     let pose = QuantisedPose::quantise(&pose, &site, PoseProfile::Short).unwrap();
-    let latent = Latent::new(frame, PriorId(7), &camera, pose, false).unwrap();
-    let latent = latent.shortened(PriorId(7), &camera).unwrap();
-    let payload: Vec<u8> = (0..120).map(|k| (k * 7 + frame) as u8).collect();
-    let residual = Residual::Coded { coder: Coder::Wavelet, payload: &payload };
-    Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
+    let session = Session { prior: PriorId(7), camera };
+    let latent = Latent::new(frame, &session, pose, false).unwrap();
+    let payload: Vec<u8> = (0..120).map(|k| (k * 7 + frame) as u8 | 1).collect();
+    let residual = Residual::Coded { small_blocks: false, payload: &payload };
+    Packet { latent, session: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
 /// Its shares: some yield the picture, more yield all.
@@ -35,7 +37,7 @@ fn shares(frame: u32) -> Vec<Vec<u8>> {
         max_shares: 8,
         spread: 0,
         loss: Loss { chance: 0.3, burst: 1.0 },
-        picture: 19,
+        picture: SHORT_LATENT_LEN,
         packet: Some(packet.len()),
         whole: true,
         user: None,
@@ -55,6 +57,19 @@ fn taken(frame: u32) -> f64 {
 fn bring(playout: &mut Playout, now: f64, shares: &[Vec<u8>]) -> Vec<Played> {
     shares.iter().for_each(|share| playout.push(now, share).unwrap());
     std::iter::from_fn(|| playout.next(now)).collect()
+}
+
+/// Whatever its number, and also if that share yields no picture.
+#[test]
+fn a_packet_counts_from_its_first_share() {
+    for frame in [0, 127, 128, 200, 255, 256] {
+        let options = PlayoutOptions { frame_rate: None, ..OPTIONS };
+        let mut playout = Playout::new(options, None).unwrap();
+        let shares = shares(frame);
+        assert!(bring(&mut playout, 1.0, &shares[..1]).is_empty());
+        let played = bring(&mut playout, 1.5, &shares[1..]);
+        assert_eq!((played[0].frame, played[0].time), (frame.into(), 1.0));
+    }
 }
 
 #[test]
@@ -92,7 +107,7 @@ fn a_packet_that_lacks_shares_goes_on_in_part_when_its_time_is_over() {
     assert_eq!(playout.next(deadline - 1e-3), None);
     let first = playout.next(deadline).unwrap();
     assert!(!first.complete && first.bytes.len() < packet(1).len());
-    assert!(packet(1).starts_with(&first.bytes) && first.bytes.len() >= 19);
+    assert!(packet(1).starts_with(&first.bytes) && first.bytes.len() >= SHORT_LATENT_LEN);
     assert_eq!(playout.next(deadline).unwrap().bytes, packet(2));
     assert_eq!((playout.next(deadline), playout.deadline()), (None, None));
 }

@@ -3,8 +3,7 @@
 /// What a modem frame has brought. The first number is the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Collected {
-    /// The packet of this stream and frame number is complete. The number is modulo 2²⁴, as
-    /// [`CollectedPacket::frame`].
+    /// The packet of this stream and frame number is complete: [`CollectedPacket::frame`].
     Complete(u8, u32),
     /// It has more bytes than before.
     Grown(u8, u32),
@@ -12,19 +11,17 @@ pub enum Collected {
     Kept,
     /// The share was there before.
     Duplicate,
-    /// The share's packet was complete before, the piece's update was whole before, or others are due before it.
+    /// The share's packet was complete before.
     Surplus,
     /// The packet's own checks do not match what its shares hold. Its shares are dropped, except an unprotected
-    /// packet's start, as far as that is valid. The number is modulo 128.
+    /// packet's start, as far as that is valid. The number is the one that shares state.
     Damaged(u8, u32),
-    /// An update of this stream is whole: [`Collector::update`](crate::modem::Collector::update).
-    Update(u8),
 }
 
 /// Counts since the start. Modem frames that came = accepted + duplicates + rejected + waiting + foreign + replayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CollectorStatistics {
-    /// Shares that became part of a packet, pieces that became part of an update, and such that were surplus.
+    /// Shares that became part of a packet, and such that were surplus.
     pub accepted: u64,
     /// Shares that were there before.
     pub duplicates: u64,
@@ -49,8 +46,6 @@ pub struct CollectorStatistics {
     pub lost: u64,
     /// Packets whose own checks did not match what their shares held.
     pub damaged: u64,
-    /// Updates that became whole.
-    pub updates: u64,
     /// Modem frames whose tag no key has made: see [`Collector::with_keys`](crate::modem::Collector::with_keys).
     pub foreign: u64,
     /// Modem frames that came a second time, with keys.
@@ -60,8 +55,7 @@ pub struct CollectorStatistics {
 /// What has come of a packet.
 #[derive(Clone, Copy, Debug)]
 pub struct CollectedPacket<'a> {
-    /// Frame number, modulo 2²⁴. A short packet's number is completed to the one that is nearest to the packet's before
-    /// it.
+    /// Frame number: of those that end in the stated bits, the one nearest to that of the packet before it.
     pub frame: u32,
     /// The packet's first bytes. Checks vouch for them: decode them with
     /// [`Trust::Start`](crate::Trust::Start).

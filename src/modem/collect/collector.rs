@@ -4,19 +4,17 @@ use std::iter;
 
 use crate::keys::{Authenticator, Content, Keys, Refusal, Seen, Verifier};
 use crate::modem::error::ModemError;
-use crate::modem::limits::{MAX_MTU, MAX_UNPROTECTED, NUMBERS, STREAMS};
+use crate::modem::limits::{MAX_MTU, MAX_UNPROTECTED, MIN_MTU, NUMBERS, SMALL_NUMBERS, STREAMS};
+use crate::modem::memory::room;
 use crate::modem::report::{MAX_REPORTED, Report, ReportedPacket};
-use crate::modem::wire::continuation::{CONTINUATION, Continuation, START, TAGS, tag_of};
 use crate::modem::wire::layout::Layout;
-use crate::modem::wire::piece;
+use crate::modem::wire::plain::{CONTINUATION, Continuation, First, SMALL, START, Small, TAGS};
 use crate::modem::wire::share::{self, SHARE};
-use crate::packet::Extent;
 
 use super::collected::{Collected, CollectedPacket, CollectorStatistics};
-use super::plain::{Arrival, Bond};
+use super::plain::{Bond, How};
 use super::slot::{Slot, Taken};
 use super::stream::Stream;
-use super::updates::{Brought, Updates};
 use super::waiting::{Kept, Waiting};
 
 /// How to collect shares.
@@ -24,7 +22,7 @@ use super::waiting::{Kept, Waiting};
 pub struct CollectorOptions {
     /// The MTU of the sender, bytes: the largest modem frame that comes. What lies beyond it is padding.
     pub mtu: usize,
-    /// Shares of a packet that there is room for, 1 to 4096. A protected packet has at most 256. Of a longer
+    /// Shares of a packet that there is room for, 1 to 2048. A protected packet has at most 256. Of a longer
     /// unprotected one, as many are kept from its start on: see [`share_count`](crate::modem::share_count).
     pub shares: usize,
     /// Packets of a stream that are held: that of the newest frame number, and of those before it. 1 to 64, and rounded
@@ -33,14 +31,11 @@ pub struct CollectorOptions {
     /// Streams that are taken, 1 to 4.
     pub streams: usize,
     /// Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
-    /// 128: give less time than 64 frames take. A share that comes later than that looks like one of the future.
+    /// 256: give less time than 128 frames take. A share that comes later than that looks like one of the future.
     pub age: f64,
     /// The modem hands over no damaged frames. If set, an unprotected packet's first share counts as valid to its end.
     /// Else only what its packet's own checks cover does, until a continuation vouches for the rest.
     pub modem_checks: bool,
-    /// Bytes of an update of the prior that there is room for, in each stream; 0: no updates are taken, and reports
-    /// tell nothing of them. Learners make updates of up to some 4,000 bytes.
-    pub update_bytes: usize,
 }
 
 /// Most packets of a stream.
@@ -48,17 +43,9 @@ const MAX_PACKETS: usize = 64;
 
 impl CollectorOptions {
     /// Sixteen packets of a stream, each of up to 32 shares, stale after four seconds, from a modem that is not known
-    /// to check its frames. No updates.
+    /// to check its frames.
     pub fn new(mtu: usize) -> CollectorOptions {
-        CollectorOptions {
-            mtu,
-            shares: 32,
-            packets: 16,
-            streams: 1,
-            age: 4.0,
-            modem_checks: false,
-            update_bytes: 0,
-        }
+        CollectorOptions { mtu, shares: 32, packets: 16, streams: 1, age: 4.0, modem_checks: false }
     }
 
     fn check(&self) -> Result<(), ModemError> {
@@ -75,8 +62,7 @@ impl CollectorOptions {
     }
 
     /// Memory that a [`Collector`] takes, all of it when it is made, bytes: for each packet twice as much as its
-    /// shares, and once more for each of four whose continuations come first; for each stream five times as much as an
-    /// update, if updates are taken.
+    /// shares, and once more for each of four whose continuations come first.
     ///
     /// # Errors
     /// If an option is outside its range.
@@ -84,24 +70,21 @@ impl CollectorOptions {
         self.check()?;
         let packets = self.streams * self.slots() * Slot::memory(self.shares, self.mtu);
         let waiting = self.layout().map_or(0, |layout| Waiting::memory(layout, self.shares));
-        let updates = match self.update_bytes {
-            0 => 0,
-            bytes => Updates::memory(bytes).saturating_mul(self.streams),
-        };
-        Ok((packets + TAGS * waiting).saturating_add(updates))
+        let first = self.layout().map_or(0, |layout| layout.mtu);
+        Ok(packets + first + TAGS * waiting)
     }
 
     /// The memory of a collector [with keys](Collector::with_keys), bytes.
     ///
     /// # Errors
-    /// As [`CollectorOptions::memory`], or if the MTU has no room for tags.
+    /// As [`CollectorOptions::memory`], or if the MTU has no room for tags and the smallest modem frames.
     pub fn memory_with_keys(&self, keys: &Keys) -> Result<usize, ModemError> {
         self.keyed(keys)?.memory()
     }
 
     /// For what stands behind the tags of modem frames.
     fn keyed(mut self, keys: &Keys) -> Result<CollectorOptions, ModemError> {
-        let (mtu, needed) = (self.mtu, 1 + keys.overhead());
+        let (mtu, needed) = (self.mtu, MIN_MTU + keys.overhead());
         if mtu < needed {
             return Err(ModemError::KeyedMtu { mtu, needed });
         }
@@ -109,9 +92,16 @@ impl CollectorOptions {
         Ok(self)
     }
 
-    /// Packets of a stream. A divisor of [`NUMBERS`], so that numbers find their places where they begin anew.
+    /// Packets of a stream. A divisor of what numbers are counted by, so that they find their places where they begin
+    /// anew.
     fn slots(&self) -> usize {
-        self.packets.next_power_of_two()
+        let most = if self.is_small() { SMALL_NUMBERS as usize / 2 } else { MAX_PACKETS };
+        self.packets.next_power_of_two().min(most)
+    }
+
+    /// Whether modem frames are small.
+    fn is_small(&self) -> bool {
+        self.layout().is_some_and(Layout::is_small)
     }
 
     /// Where unprotected packets lie, if the MTU is one that they can have.
@@ -132,8 +122,6 @@ pub struct Collector {
     streams: Vec<Stream>,
     /// `None`: the MTU is too small for unprotected packets.
     unprotected: Option<Unprotected>,
-    /// By stream; none if no updates are taken.
-    updates: Vec<Updates>,
     keyed: Option<Keyed>,
     statistics: CollectorStatistics,
 }
@@ -147,6 +135,8 @@ struct Keyed {
 /// What unprotected packets need besides.
 struct Unprotected {
     layout: Layout,
+    /// Room for a first share.
+    room: Vec<u8>,
     /// By tag: continuations of no packet at hand.
     waiting: [Waiting; TAGS],
 }
@@ -154,7 +144,11 @@ struct Unprotected {
 impl Unprotected {
     fn new(layout: Layout, shares: usize) -> Result<Unprotected, ModemError> {
         let waiting = |tag| Waiting::new(layout, tag, shares);
-        Ok(Unprotected { layout, waiting: [waiting(0)?, waiting(1)?, waiting(2)?, waiting(3)?] })
+        Ok(Unprotected {
+            layout,
+            room: room(layout.mtu)?,
+            waiting: [waiting(0)?, waiting(1)?, waiting(2)?, waiting(3)?],
+        })
     }
 }
 
@@ -166,16 +160,13 @@ impl Collector {
     pub fn new(options: CollectorOptions) -> Result<Collector, ModemError> {
         options.check()?;
         let CollectorOptions { mtu, shares, .. } = options;
-        let stream = |_| Stream::new(options.slots(), shares, mtu);
+        let numbers = if options.is_small() { SMALL_NUMBERS } else { NUMBERS };
+        let stream = |_| Stream::new(numbers, options.slots(), shares, mtu);
         let streams = (0..options.streams).map(stream).collect::<Result<_, _>>()?;
         let unprotected = |layout| Unprotected::new(layout, shares);
         let unprotected = options.layout().map(unprotected).transpose()?;
-        let takes_updates = options.update_bytes > 0;
-        let update_streams = if takes_updates { options.streams } else { 0 };
-        let updates = (0..update_streams).map(|_| Updates::new(options.update_bytes));
-        let updates = updates.collect::<Result<_, _>>()?;
         let statistics = CollectorStatistics::default();
-        Ok(Collector { options, streams, unprotected, updates, keyed: None, statistics })
+        Ok(Collector { options, streams, unprotected, keyed: None, statistics })
     }
 
     /// As [`Collector::new`]. Only modem frames that a [sender](crate::modem::Sender::with_keys) has made with one of
@@ -183,7 +174,7 @@ impl Collector {
     /// [`CollectorOptions::memory_with_keys`].
     ///
     /// # Errors
-    /// As [`Collector::new`], or if the MTU has no room for tags.
+    /// As [`Collector::new`], or if the MTU has no room for tags and the smallest modem frames.
     pub fn with_keys(options: CollectorOptions, keys: &Keys) -> Result<Collector, ModemError> {
         options.check()?;
         let verifier = Verifier::new(keys, Content::Frame);
@@ -224,10 +215,6 @@ impl Collector {
                 self.statistics.damaged += 1;
                 Collected::Damaged(stream, number)
             }
-            Taken::Update => {
-                self.statistics.updates += 1;
-                Collected::Update(stream)
-            }
         })
     }
 
@@ -250,28 +237,12 @@ impl Collector {
     fn take(&mut self, now: f64, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
         let first = *frame.first().ok_or(ModemError::Cut { found: 0, needed: 1 })?;
         match first >> 6 {
+            _ if self.options.is_small() => Ok((0, self.take_small(now, frame)?)),
             SHARE => self.take_share(now, frame),
             START => Ok((0, self.take_start(now, frame)?)),
             CONTINUATION => Ok((0, self.take_continuation(now, frame)?)),
-            _ if piece::is_piece(first) => self.take_piece(frame),
             _ => Err(ModemError::NotAFrame(first)),
         }
-    }
-
-    fn take_piece(&mut self, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
-        let (header, chunk) = piece::read(frame)?;
-        if self.updates.is_empty() {
-            return Err(ModemError::NotAFrame(frame[0]));
-        }
-        let updates = self.updates.get_mut(usize::from(header.stream));
-        let updates = updates.ok_or(ModemError::Stream(header.stream))?;
-        let taken = match updates.push(&header, chunk)? {
-            Brought::Kept => Taken::Kept,
-            Brought::Duplicate => Taken::Duplicate,
-            Brought::Surplus => Taken::Surplus,
-            Brought::Whole => Taken::Update,
-        };
-        Ok((header.stream, taken))
     }
 
     fn take_share(&mut self, now: f64, frame: &[u8]) -> Result<(u8, Taken), ModemError> {
@@ -292,34 +263,30 @@ impl Collector {
 
     fn take_start(&mut self, now: f64, frame: &[u8]) -> Result<Taken, ModemError> {
         let mtu = ModemError::Mtu(self.options.mtu);
-        let Unprotected { layout, waiting } = self.unprotected.as_mut().ok_or(mtu)?;
+        let Unprotected { layout, room, waiting } = self.unprotected.as_mut().ok_or(mtu)?;
         let stream = &mut self.streams[0];
-        let extent = Extent::read(frame)?.near(stream.last);
-        if extent.told_by_shares > 0 {
-            return Err(ModemError::NotAFrame(frame[0]));
-        }
-        let needed = layout.range(0, extent.total.unwrap_or(usize::MAX)).len();
-        let cut = ModemError::Cut { found: frame.len(), needed };
-        let first = frame.get(..needed).ok_or(cut)?;
+        let first = First::read(frame, *layout)?;
+        let how = How { layout: *layout, trusted: self.options.modem_checks, last: stream.last };
+        let extent = how.extent(&first, room)?;
         let statistics = &mut self.statistics;
         if stream.forget(now, self.options.age, statistics) {
             statistics.rejected += waiting.iter_mut().map(Waiting::clear).sum::<u64>();
         }
-        stream.advance(extent.frame % NUMBERS, statistics)?;
-        let how = (*layout, self.options.modem_checks);
-        let slot = stream.slot_mut(extent.frame);
-        if let Arrival::Duplicate = slot.begin(now, (first, extent), how, statistics)? {
-            return Ok(Taken::Duplicate);
+        stream.advance(first.number, statistics)?;
+        let slot = stream.slot_mut(first.number);
+        let taken = slot.begin(now, (&first, extent), how, statistics)?;
+        if taken == Taken::Duplicate {
+            return Ok(taken);
         }
-        adopt(slot, &mut waiting[tag_of(extent.frame)], statistics);
-        let taken = slot.brought(0);
+        let adopted = adopt(slot, how, &mut waiting[first.number as usize % TAGS], statistics);
+        let taken = if adopted { slot.brought(0) } else { taken };
         stream.note(taken);
         Ok(taken)
     }
 
     fn take_continuation(&mut self, now: f64, frame: &[u8]) -> Result<Taken, ModemError> {
         let mtu = ModemError::Mtu(self.options.mtu);
-        let Unprotected { layout, waiting } = self.unprotected.as_mut().ok_or(mtu)?;
+        let Unprotected { layout, waiting, .. } = self.unprotected.as_mut().ok_or(mtu)?;
         let later = Continuation::read(frame, *layout)?;
         if later.index >= self.options.shares {
             return Err(ModemError::NoRoom { index: later.index, room: self.options.shares });
@@ -328,26 +295,23 @@ impl Collector {
         if stream.forget(now, self.options.age, statistics) {
             statistics.rejected += waiting.iter_mut().map(Waiting::clear).sum::<u64>();
         }
-        let waiting = &mut waiting[later.tag];
+        let how = How { layout: *layout, trusted: self.options.modem_checks, last: stream.last };
         for number in stream.numbers() {
             let slot = stream.slot_mut(number);
             if !slot.has_tag(later.tag) {
                 continue;
             }
-            let (before, length_known) = (slot.valid_len(), slot.has_length());
-            match slot.offer(&later) {
+            let before = slot.valid_len();
+            match slot.offer(&later, how) {
                 Bond::Stranger => continue,
                 Bond::Duplicate => return Ok(Taken::Duplicate),
                 Bond::Bound => {}
-            }
-            if !length_known {
-                adopt(slot, waiting, statistics);
             }
             let taken = slot.brought(before);
             stream.note(taken);
             return Ok(taken);
         }
-        Ok(match waiting.keep(&later) {
+        Ok(match waiting[later.tag].keep(&later) {
             Kept::New => Taken::Waits,
             Kept::InsteadOf => {
                 statistics.rejected += 1;
@@ -357,8 +321,26 @@ impl Collector {
         })
     }
 
-    /// The packet of a stream and frame number, modulo 2²⁴, if enough of it came for a picture. For a short packet only
-    /// the low 16 bits count.
+    fn take_small(&mut self, now: f64, frame: &[u8]) -> Result<Taken, ModemError> {
+        let mtu = ModemError::Mtu(self.options.mtu);
+        let layout = self.unprotected.as_ref().ok_or(mtu)?.layout;
+        if frame[0] & SMALL == 0 {
+            return Err(ModemError::NotAFrame(frame[0]));
+        }
+        let small = Small::read(frame, layout)?;
+        if small.index >= self.options.shares {
+            return Err(ModemError::NoRoom { index: small.index, room: self.options.shares });
+        }
+        let (stream, statistics) = (&mut self.streams[0], &mut self.statistics);
+        stream.forget(now, self.options.age, statistics);
+        stream.advance(small.number, statistics)?;
+        let how = How { layout, trusted: true, last: stream.last };
+        let taken = stream.slot_mut(small.number).take_small(now, &small, how);
+        stream.note(taken);
+        Ok(taken)
+    }
+
+    /// The packet of a stream and frame number, of which the low 16 bits count, if enough of it came for a picture.
     pub fn packet(&self, stream: u8, frame: u32) -> Option<CollectedPacket<'_>> {
         self.slot(stream, frame)?.packet(frame)
     }
@@ -372,7 +354,7 @@ impl Collector {
     /// Indices of a packet's shares that have not come; none if it is complete, or if nothing of it came. A protected
     /// packet needs at most as many of them as [`CollectedPacket::sent`] less those that came, an unprotected one all.
     /// Until its length has come, that is the first missing one; if its checks do not match, the first share is among
-    /// them. Until there is a picture of the packet, the frame number counts modulo 128.
+    /// them. Until there is a picture of the packet, the frame number counts modulo 256.
     pub fn missing(&self, stream: u8, frame: u32) -> impl Iterator<Item = usize> + '_ {
         let slot = self.slot(stream, frame).into_iter();
         slot.flat_map(move |slot| slot.missing(frame))
@@ -392,7 +374,6 @@ impl Collector {
     }
 
     /// What there is of a stream's newest packets, for its vehicle. `kept` tells whether a frame was decoded in full.
-    /// If updates are taken, tell [which ones are held](Report::tell_states), too.
     /// `None`: no packet has told its frame number yet.
     ///
     /// # Errors
@@ -405,19 +386,18 @@ impl Collector {
         let Some((newest, known)) = self.newest_number(stream).zip(self.newest(stream)) else {
             return Report::new(stream, 0, iter::empty()).map(|_| None);
         };
-        // The packet whose number is known lies at or before the newest one.
-        let newest = known.frame.wrapping_add(newest.wrapping_sub(known.frame) % NUMBERS);
+        // The packet whose frame number is known lies at or before the newest one.
+        let newest = match self.options.is_small() {
+            true => known.frame,
+            false => known.frame.wrapping_add(newest.wrapping_sub(known.frame) % NUMBERS),
+        };
         let held = self.options.slots().min(MAX_REPORTED) as u32;
         let packets = (0..held).map(|behind| {
             let frame = newest.wrapping_sub(behind);
             let slot = self.slot(stream, frame);
             slot.map_or_else(ReportedPacket::default, |slot| slot.report(frame, &kept))
         });
-        let mut report = Report::new(stream, newest, packets)?;
-        if let Some(updates) = self.updates.get(usize::from(stream)) {
-            report.tell_last(updates.last());
-        }
-        Ok(Some(report))
+        Report::new(stream, newest, packets).map(Some)
     }
 
     /// Writes a report, as [`Report::write`] does, and puts a tag in front if there are keys. Returns its length.
@@ -457,28 +437,14 @@ impl Collector {
         self.keyed.iter().flat_map(|keyed| keyed.verifier.seen())
     }
 
-    /// A whole update of a stream that was not added yet: that which is due first. Give it to
-    /// [`Decoder::add_update`](crate::Decoder::add_update), and say here what came of it; ask until there is none.
-    pub fn update(&self, stream: u8) -> Option<&[u8]> {
-        self.updates.get(usize::from(stream))?.offered()
-    }
-
-    /// Tells whether the update that [`Collector::update`] gives was added. If so, its pieces are not collected again.
-    /// If not, it needs others before it: it is given again after another one was added, unless its place is needed.
-    pub fn settle_update(&mut self, stream: u8, added: bool) {
-        if let Some(updates) = self.updates.get_mut(usize::from(stream)) {
-            updates.settle(added);
-        }
-    }
-
-    /// The newest number of a stream, modulo 128.
+    /// The newest number of a stream, as its shares state it.
     fn newest_number(&self, stream: u8) -> Option<u32> {
         self.streams.get(usize::from(stream))?.newest
     }
 
     /// Where a packet of a frame number is kept.
     fn slot(&self, stream: u8, frame: u32) -> Option<&Slot> {
-        Some(self.streams.get(usize::from(stream))?.slot(frame))
+        self.streams.get(usize::from(stream))?.find(frame)
     }
 
     /// Bytes that the buffers have room for.
@@ -487,7 +453,7 @@ impl Collector {
         let waiting = self.unprotected.iter().flat_map(|unprotected| &unprotected.waiting);
         self.streams.iter().map(Stream::capacity).sum::<usize>()
             + waiting.map(Waiting::capacity).sum::<usize>()
-            + self.updates.iter().map(Updates::capacity).sum::<usize>()
+            + self.unprotected.as_ref().map_or(0, |unprotected| unprotected.room.capacity())
     }
 
     /// How it was made. With keys, the MTU is that of what stands behind a tag.
@@ -503,25 +469,24 @@ impl Collector {
     }
 }
 
-/// Gives an unprotected packet what waits for it, after its first share and when its length is known. While its length
-/// is not known, only the next share can be told to be its; once it is, those that are not are dropped.
-fn adopt(slot: &mut Slot, waiting: &mut Waiting, statistics: &mut CollectorStatistics) {
-    while !slot.has_length() {
-        let next = slot.next().and_then(|next| waiting.get(next));
-        let Some(later) = next.filter(|later| slot.offer(later) == Bond::Bound) else { return };
-        statistics.accepted += 1;
-        let index = later.index;
-        waiting.remove(index);
-    }
-    let mut from = 1;
+/// Gives a packet whose first share has come the continuations that have waited for it. Whether there were any.
+fn adopt(
+    slot: &mut Slot,
+    how: How,
+    waiting: &mut Waiting,
+    statistics: &mut CollectorStatistics,
+) -> bool {
+    let (mut from, mut adopted) = (1, false);
     while let Some(index) = waiting.next(from) {
-        let bond = waiting.get(index).map(|later| slot.offer(&later));
-        waiting.remove(index);
         from = index + 1;
-        match bond {
+        match waiting.get(index).map(|later| slot.offer(&later, how)) {
             Some(Bond::Bound) => statistics.accepted += 1,
             Some(Bond::Duplicate) => statistics.duplicates += 1,
-            _ => statistics.rejected += 1,
+            // It waits for another packet.
+            _ => continue,
         }
+        adopted = true;
+        waiting.remove(index);
     }
+    adopted
 }

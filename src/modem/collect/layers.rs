@@ -1,17 +1,16 @@
 //! Protected shares to a packet.
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::NUMBERS;
 use crate::modem::wire::code::Known;
-use crate::modem::wire::contents::{End, Layer, take_contents};
+use crate::modem::wire::contents::{Layer, take_contents};
 use crate::modem::wire::share::{Header, PacketHeader};
-use crate::packet::{Extent, is_predicted, mark_whole, valid_len};
+use crate::modem::wire::travelling::Travelling;
+use crate::packet::{Extent, Latent, nearest_frame};
 
 use super::slot::{Form, Slot, Start, State, Taken};
 
 impl Slot {
-    /// Takes a protected share that came at `now`. `last`: the frame number of a packet before, to complete a short
-    /// one's.
+    /// Takes a protected share that came at `now`. `last`: the frame number of a packet before, to complete this one's.
     pub fn take_share(
         &mut self,
         now: f64,
@@ -55,7 +54,7 @@ impl Slot {
             return Ok(Taken::Damaged(header.packet.number));
         }
         let Some(start) = state.start else { return Ok(Taken::Kept) };
-        let frame = start.extent.frame;
+        let frame = start.frame;
         Ok(match () {
             () if start.complete => Taken::Complete(frame),
             () if state.filled > before => Taken::Grown(frame),
@@ -75,7 +74,7 @@ impl Slot {
         let (Some(mut start), 1..) = (state.start, solved) else { return Some(()) };
         let layer = &self.bytes[..first.len()];
         let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
-        let (layers, others, contents_end) = (contents.layers, contents.others, contents.end);
+        let (layers, others, is_cut) = (contents.layers, contents.others, contents.cut);
         let mut at = first.chunk;
         for (k, layer) in layers[..others].iter().enumerate() {
             if solved == k + 1 && state.arrived >= layer.threshold {
@@ -86,10 +85,13 @@ impl Slot {
         }
         state.form = Form::Layers { header, solved };
         start.ended = solved > others;
-        if start.ended && start.extent.is_open && !start.complete {
-            start.extent.total = self.end_of(&start, contents_end, state)?;
+        start.extent = Extent::read(&self.bytes[start.at..state.filled]).ok()?;
+        start.complete = start.ended && start.extent.whole.is_some();
+        if start.ended && !start.complete && !is_cut {
+            return None;
         }
-        self.judge(start, state)
+        state.start = Some(start);
+        Some(())
     }
 
     /// Appends a layer, whose chunk lies at `at` in each of `count` shares.
@@ -115,66 +117,15 @@ impl Slot {
         state: &mut State,
     ) -> Option<Start> {
         let layer = &self.bytes[..first.len()];
-        let (_, packet) = take_contents(layer, first, header.count, header.data_len())?;
+        let (contents, packet) = take_contents(layer, first, header.count, header.data_len())?;
         let at = first.len() - packet.len();
-        if is_predicted(packet) {
-            // Its frame number did not travel.
-            self.bytes.copy_within(at + 1..state.filled, at + 2);
-            self.bytes[at + 1] = header.number as u8;
-            state.filled += 1;
-        }
-        let layer = &self.bytes[..first.len()];
-        let (contents, _) = take_contents(layer, first, header.count, header.data_len())?;
-        let packet = &self.bytes[at..state.filled];
-        let extent = Extent::read(packet).ok()?.near(last);
-        if contents.end != End::Layers && !extent.is_open {
-            return None;
-        }
         let user = contents.user.map(|user| (at - user.len(), at));
-        let named = extent.frame % NUMBERS == header.number;
-        (named && packet.len() >= extent.latent).then_some(Start {
-            extent,
-            at,
-            user,
-            complete: false,
-            ended: false,
-        })
-    }
-
-    /// Length of an open packet whose layers are all there; `None` within: its end is not sent. `None`: it is none that
-    /// a sender writes.
-    fn end_of(&self, start: &Start, end: End, state: &State) -> Option<Option<usize>> {
-        let there = state.filled - start.at;
-        match end {
-            End::Layers => Some(Some(there)),
-            End::Cut => Some(None),
-            End::Padded => {
-                let padding = usize::from(self.bytes[state.filled - 1]);
-                let len = there.checked_sub(padding).filter(|len| *len > start.extent.latent);
-                (padding > 0).then_some(Some(len?))
-            }
-        }
-    }
-
-    /// Looks at what there is of the packet. `None` if it is whole and its checks do not match.
-    fn judge(&mut self, mut start: Start, state: &mut State) -> Option<()> {
-        if start.extent.total.is_none() {
-            let bytes = &self.bytes[start.at..state.filled];
-            start.extent.total = Extent::read(bytes).ok()?.total;
-        }
-        if start.extent.told_by_shares > 0 && start.extent.total.is_some() {
-            mark_whole(&mut self.bytes[start.at..]);
-        }
-        let whole = start.extent.total.and_then(|total| {
-            self.bytes[..state.filled].get(start.at..start.at.saturating_add(total))
-        });
-        if let Some(whole) = whole {
-            start.complete = valid_len(whole) == whole.len();
-            if !start.complete {
-                return None;
-            }
-        }
-        state.start = Some(start);
-        Some(())
+        let there = state.filled - at;
+        let bytes = &mut self.bytes[at..];
+        let restored = Travelling::Wide.restore(bytes, there, header.number, last)?;
+        state.filled = at + restored;
+        let extent = Extent::read(&self.bytes[at..state.filled]).ok()?;
+        let frame = nearest_frame(extent.frame, Latent::FRAMES, last);
+        Some(Start { extent, frame, at, user, complete: false, ended: false })
     }
 }

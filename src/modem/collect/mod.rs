@@ -6,5 +6,4 @@ pub mod layers;
 pub mod plain;
 pub mod slot;
 pub mod stream;
-pub mod updates;
 pub mod waiting;

@@ -1,10 +1,9 @@
 //! Unprotected shares to a packet.
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::NUMBERS;
-use crate::modem::wire::continuation::{Continuation, binding, tag_of};
 use crate::modem::wire::layout::Layout;
-use crate::packet::{Extent, valid_len};
+use crate::modem::wire::plain::{Continuation, First, Small, TAGS};
+use crate::packet::{Extent, Latent, PacketError, is_predicted, nearest_frame};
 
 use super::collected::CollectorStatistics;
 use super::slot::{Form, Plain, Slot, Start, State, Taken};
@@ -16,31 +15,54 @@ pub enum Bond {
     Bound,
     /// It is the packet's, and was there.
     Duplicate,
-    /// It is not the packet's, or nothing can tell until the packet's length is known.
+    /// It is not the packet's.
     Stranger,
 }
 
-/// What a packet's first share is to what the slot holds.
-pub enum Arrival {
-    /// It begins the packet anew.
-    New,
-    /// It was there.
-    Duplicate,
+/// How unprotected packets are read.
+#[derive(Clone, Copy)]
+pub struct How {
+    pub layout: Layout,
+    /// The modem hands over no damaged frames.
+    pub trusted: bool,
+    /// Frame number of a packet before.
+    pub last: Option<u32>,
+}
+
+impl How {
+    /// What a first share says of its packet; `None`: it does not hold the whole latent part. `room`: for its bytes.
+    ///
+    /// # Errors
+    /// If it is the start of no packet.
+    pub fn extent(self, first: &First, room: &mut Vec<u8>) -> Result<Option<Extent>, PacketError> {
+        let len = first.data.len();
+        room.clear();
+        room.extend_from_slice(first.data);
+        // As many bytes do not travel, so there is room for them.
+        room.resize(len + 2, 0);
+        let restored = self.layout.travelling().restore(room, len, first.number, self.last);
+        match Extent::read(&room[..restored.unwrap_or(0)]) {
+            Ok(extent) => Ok(Some(extent)),
+            Err(PacketError::TooShort { .. }) if !first.last => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
 }
 
 impl Slot {
     /// The state of an unprotected packet.
-    fn plain(&self) -> Option<(State, Plain, Start)> {
+    fn plain(&self) -> Option<(State, Plain)> {
         let state = self.state()?;
-        match (state.form, state.start) {
-            (Form::Plain(plain), Some(start)) => Some((state, plain, start)),
+        match state.form {
+            Form::Plain(plain) => Some((state, plain)),
             _ => None,
         }
     }
 
-    /// Whether it holds an unprotected packet of this tag.
+    /// Whether it holds the first share of an unprotected packet of this tag.
     pub fn has_tag(&self, tag: usize) -> bool {
-        self.plain().is_some_and(|(.., start)| tag_of(start.extent.frame) == tag)
+        self.plain()
+            .is_some_and(|(state, plain)| plain.next > 0 && state.number as usize % TAGS == tag)
     }
 
     /// Bytes of the packet that count so far.
@@ -48,41 +70,29 @@ impl Slot {
         self.state().map_or(0, |state| state.filled)
     }
 
-    /// Whether the length of an unprotected packet is known.
-    pub fn has_length(&self) -> bool {
-        self.plain().is_some_and(|(_, plain, _)| plain.count.is_some())
-    }
-
-    /// Index of the first share of an unprotected packet that is not there.
-    pub fn next(&self) -> Option<usize> {
-        self.plain().map(|(_, plain, _)| plain.next)
-    }
-
-    /// Takes the first share of an unprotected packet, without padding, that came at `now`. Another packet makes room
-    /// for it. `trusted`: all of it counts as valid.
+    /// Takes the first share of an unprotected packet that came at `now`, and what it says of its packet. Another
+    /// packet makes room for it.
     ///
     /// # Errors
-    /// If it contradicts the one that is there, and a continuation vouches for that one. If the packet has protected
-    /// shares.
+    /// If it contradicts the one that is there, and a continuation vouches for that
+    /// one. If the packet has protected shares.
     pub fn begin(
         &mut self,
         now: f64,
-        (first, extent): (&[u8], Extent),
-        (layout, trusted): (Layout, bool),
+        (first, extent): (&First, Option<Extent>),
+        how: How,
         statistics: &mut CollectorStatistics,
-    ) -> Result<Arrival, ModemError> {
-        if let Some((_, plain, start)) = self.plain() {
-            let end = start.extent.total.unwrap_or(usize::MAX);
-            if self.bytes[layout.range(0, end)] == *first {
-                return Ok(Arrival::Duplicate);
+    ) -> Result<Taken, ModemError> {
+        let binding = first.binding();
+        let predicted = first.data.first().is_some_and(|first| is_predicted(*first));
+        let sure = extent.is_some_and(|extent| !predicted || extent.whole.is_some());
+        if let Some((state, plain)) = self.plain() {
+            if plain.next > 0 && plain.binding == binding {
+                return Ok(Taken::Duplicate);
             }
-            // Of two first shares, keep the one that continuations vouch for, else the one that came last.
-            let same = self.is_of(first, &extent, &start.extent);
-            if same && plain.vouched {
-                return Err(ModemError::Contradicts(extent.frame));
-            }
-            if !same {
-                self.let_go(statistics);
+            // Of two first shares, keep the one that checks vouch for, else the one that came last.
+            if plain.vouched && self.is_of(first, how) || plain.sure && !sure {
+                return Err(ModemError::Contradicts(state.number));
             }
         }
         match self.state() {
@@ -90,105 +100,149 @@ impl Slot {
             Some(State { form: Form::Layers { .. }, number, .. }) => {
                 return Err(ModemError::OtherShare(number));
             }
+            Some(_) if !self.is_of(first, how) => {
+                self.let_go(statistics);
+                self.since = now;
+            }
             Some(_) => {}
             None => self.since = now,
         }
         self.there.fill(false);
         self.there[0] = true;
-        self.bytes[..first.len()].copy_from_slice(first);
+        self.shares[..first.data.len()].copy_from_slice(first.data);
         let plain = Plain {
-            layout,
-            binding: binding(first),
-            own: valid_len(first),
+            layout: how.layout,
+            binding,
+            own: extent.map_or(0, |extent| extent.valid),
+            sure,
             next: 1,
-            count: extent.total.map(|total| layout.count(total)),
-            vouched: trusted,
+            end: first.last.then_some((1, first.data.len())),
+            vouched: how.trusted,
             damaged: false,
         };
-        let start = Start { extent, at: 0, user: None, complete: false, ended: false };
-        let (number, form) = (extent.frame % NUMBERS, Form::Plain(plain));
-        let state = State { number, form, arrived: 1, filled: 0, start: Some(start) };
-        self.settle(state, plain, start);
-        Ok(Arrival::New)
+        let form = Form::Plain(plain);
+        let state = State { number: first.number, form, arrived: 1, filled: 0, start: None };
+        self.settle(state, plain, how);
+        Ok(self.brought(0))
     }
 
-    /// Whether a first share is of the packet that is there. Compares the latent part, or the frame number if the share
-    /// does not hold all of it.
-    fn is_of(&self, first: &[u8], extent: &Extent, own: &Extent) -> bool {
-        match first.get(..extent.latent) {
-            Some(latent) => latent == &self.bytes[..extent.latent],
-            None => extent.frame == own.frame,
+    /// Whether a first share is of the packet that is there: it has the same latent part, or is as long as that.
+    fn is_of(&self, first: &First, how: How) -> bool {
+        let latent =
+            self.state().and_then(|state| state.start).map_or(0, |start| start.extent.latent);
+        let latent = latent.saturating_sub(how.layout.travelling().least());
+        let own = &self.shares[..how.layout.start(1)];
+        match (latent, first.data.get(..latent)) {
+            (1.., Some(data)) => own.starts_with(data),
+            _ => true,
         }
     }
 
     /// Takes a continuation whose index there is room for.
-    pub fn offer(&mut self, later: &Continuation) -> Bond {
-        let Some((mut state, mut plain, mut start)) = self.plain() else { return Bond::Stranger };
-        let Continuation { index, data, .. } = *later;
-        let layout = plain.layout;
-        if self.there[index] {
-            let held = &self.bytes[layout.range(index, start.extent.total.unwrap_or(usize::MAX))];
-            let same = data.starts_with(held) && later.binds(plain.binding, held.len());
-            return if same { Bond::Duplicate } else { Bond::Stranger };
-        }
-        // Put it in its place first, as the packet's length may lie in it. Nobody reads the place
-        // until the share counts as there.
-        let place = layout.start(index);
-        let end = place + data.len();
-        self.bytes[place..end].copy_from_slice(data);
-        let total = match start.extent.total {
-            None if index == plain.next => match Extent::read(&self.bytes[..end]) {
-                Ok(extent) => extent.total,
-                Err(_) => return Bond::Stranger,
-            },
-            None => return Bond::Stranger,
-            total => total,
-        };
-        let due = layout.range(index, total.unwrap_or(usize::MAX)).len();
-        if due == 0 || !later.binds(plain.binding, due) {
+    pub fn offer(&mut self, later: &Continuation, how: How) -> Bond {
+        let Some((mut state, mut plain)) = self.plain() else { return Bond::Stranger };
+        if !later.binds(plain.binding) {
             return Bond::Stranger;
         }
-        start.extent.total = total;
-        plain.count = total.map(|total| layout.count(total));
-        plain.vouched = true;
-        state.arrived += 1;
-        self.there[index] = true;
-        while self.there.get(plain.next) == Some(&true) {
-            plain.next += 1;
+        if self.there[later.index] {
+            return Bond::Duplicate;
         }
-        self.settle(state, plain, start);
+        (plain.vouched, plain.sure) = (true, true);
+        self.put(&mut state, &mut plain, (later.index, later.last, later.data));
+        self.settle(state, plain, how);
         Bond::Bound
     }
 
-    /// Judges the packet once all shares are there. If its own checks do not match, a share's check has missed damage.
-    /// Then forgets the shares after the first.
-    fn settle(&mut self, mut state: State, mut plain: Plain, mut start: Start) {
-        let all = plain.count.is_some_and(|count| plain.next >= count);
-        if let Some(total) = start.extent.total.filter(|_| all) {
-            start.complete = valid_len(&self.bytes[..total]) == total;
-            start.ended = start.complete;
-            plain.vouched = start.complete;
-            plain.damaged = !start.complete;
-            if plain.damaged {
-                self.there[1..].fill(false);
-                (state.arrived, plain.next) = (1, 1);
-            }
+    /// Takes a small share that came at `now`.
+    pub fn take_small(&mut self, now: f64, small: &Small, how: How) -> Taken {
+        let (mut state, mut plain) = self.plain().unwrap_or_else(|| {
+            self.since = now;
+            let plain = Plain {
+                layout: how.layout,
+                binding: 0,
+                own: 0,
+                sure: false,
+                next: 0,
+                end: None,
+                vouched: true,
+                damaged: false,
+            };
+            let form = Form::Plain(plain);
+            (State { number: small.number, form, arrived: 0, filled: 0, start: None }, plain)
+        });
+        if self.there[small.index] {
+            return Taken::Duplicate;
         }
-        let end = start.extent.total.unwrap_or(usize::MAX);
-        let without_gap = plain.layout.range(plain.next - 1, end).end;
-        state.filled = if plain.vouched { without_gap } else { plain.own };
+        let before = state.filled;
+        self.put(&mut state, &mut plain, (small.index, small.last, small.data));
+        self.settle(state, plain, how);
+        self.brought(before)
+    }
+
+    /// Puts a share's data in their place.
+    fn put(&mut self, state: &mut State, plain: &mut Plain, share: (usize, bool, &[u8])) {
+        let (index, last, data) = share;
+        let place = plain.layout.start(index);
+        self.shares[place..place + data.len()].copy_from_slice(data);
+        self.there[index] = true;
+        state.arrived += 1;
+        if last {
+            plain.end = Some((index + 1, place + data.len()));
+        }
+        while self.there.get(plain.next) == Some(&true) {
+            plain.next += 1;
+        }
+    }
+
+    /// Judges what is there without a gap. If all shares are there and the packet's own checks do not match, a share's
+    /// check has missed damage. Then forgets the shares after the first.
+    fn settle(&mut self, mut state: State, mut plain: Plain, how: How) {
+        let all = plain.end.filter(|(count, _)| plain.next >= *count);
+        let travelled = all.map_or(plain.layout.start(plain.next), |(_, end)| end);
+        let len = self.restore(travelled, state.number, how);
+        let extent = Extent::read(&self.bytes[..len]);
+        let is_whole = extent.as_ref().is_ok_and(|extent| extent.whole.is_some());
+        if all.is_some() && !is_whole {
+            (plain.damaged, plain.vouched) = (true, false);
+            self.there[1..].fill(false);
+            (state.arrived, plain.next, plain.end) =
+                (1, 1, plain.end.filter(|(count, _)| *count > 1));
+        } else if plain.next > 1 {
+            plain.damaged = false;
+        }
+        let complete = all.is_some() && is_whole;
+        state.start = extent.ok().map(|extent| Start {
+            frame: nearest_frame(extent.frame, Latent::FRAMES, how.last),
+            extent,
+            at: 0,
+            user: None,
+            complete,
+            ended: complete,
+        });
+        let whole = state.start.and_then(|start| start.extent.whole).filter(|_| complete);
+        state.filled = match () {
+            () if plain.vouched || complete => whole.unwrap_or(len),
+            () => plain.own.min(len),
+        };
         state.form = Form::Plain(plain);
-        state.start = Some(start);
         self.known = state;
+    }
+
+    /// Writes the packet of which so many bytes have travelled. Returns its length.
+    fn restore(&mut self, travelled: usize, number: u32, how: How) -> usize {
+        self.bytes[..travelled].copy_from_slice(&self.shares[..travelled]);
+        let travelling = how.layout.travelling();
+        travelling.restore(&mut self.bytes, travelled, number, how.last).unwrap_or(0)
     }
 
     /// What a share of an unprotected packet has brought, which had `before` valid bytes.
     pub fn brought(&self, before: usize) -> Taken {
-        let Some((state, plain, start)) = self.plain() else { return Taken::Kept };
+        let Some((state, plain)) = self.plain() else { return Taken::Kept };
+        let Some(start) = state.start else { return Taken::Kept };
         match () {
-            () if start.complete => Taken::Complete(start.extent.frame),
-            () if plain.damaged && state.arrived == 1 => Taken::Damaged(state.number),
-            () if state.filled > before => Taken::Grown(start.extent.frame),
+            () if start.complete => Taken::Complete(start.frame),
+            () if plain.damaged => Taken::Damaged(state.number),
+            () if state.filled > before => Taken::Grown(start.frame),
             () => Taken::Kept,
         }
     }

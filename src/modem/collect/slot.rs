@@ -14,11 +14,11 @@ use super::collected::{CollectedPacket, CollectorStatistics};
 pub struct Slot {
     /// Bytes of data of a share that there is room for.
     pub(super) room: usize,
-    /// Data of protected shares, each at its index.
+    /// Data of shares, each at its place.
     pub(super) shares: Vec<u8>,
     /// By index: the share is there.
     pub(super) there: Vec<bool>,
-    /// Protected: the layers so far, one after another. Unprotected: the packet's bytes, each in its place.
+    /// Protected: the layers so far, one after another. Unprotected: the packet.
     pub(super) bytes: Vec<u8>,
     /// See [`Slot::state`].
     pub(super) known: State,
@@ -29,7 +29,7 @@ pub struct Slot {
 /// What is known of the packet.
 #[derive(Clone, Copy)]
 pub(super) struct State {
-    /// Frame number modulo [`NUMBERS`].
+    /// The number that shares state.
     pub number: u32,
     pub form: Form,
     /// Shares that are there.
@@ -58,12 +58,14 @@ pub(super) struct Plain {
     pub layout: Layout,
     /// Names it in the checks of its continuations.
     pub binding: u32,
-    /// Bytes of the first share that the packet's own checks vouch for.
+    /// Bytes of the packet at the start of its first share that its own checks vouch for.
     pub own: usize,
+    /// A check has vouched for its first share. One of a predicted pose has none before its end.
+    pub sure: bool,
     /// Index of the first share that is not there.
     pub next: usize,
-    /// Shares that it has, if its length is known.
-    pub count: Option<usize>,
+    /// How many shares it has and how many bytes travel, if the last share has come.
+    pub end: Option<(usize, usize)>,
     /// All bytes of the shares that are there count as valid: a continuation's check matched, or the modem is trusted.
     pub vouched: bool,
     /// All shares were there and the packet's checks did not match.
@@ -74,6 +76,8 @@ pub(super) struct Plain {
 #[derive(Clone, Copy)]
 pub(super) struct Start {
     pub extent: Extent,
+    /// The frame number, completed.
+    pub frame: u32,
     /// Where the packet's bytes begin.
     pub at: usize,
     pub user: Option<(usize, usize)>,
@@ -95,16 +99,18 @@ pub enum Taken {
     Grown(u32),
     /// It is whole.
     Complete(u32),
-    /// Its checks do not match. The frame number is modulo [`NUMBERS`].
+    /// Its checks do not match. The number is the one that shares state.
     Damaged(u32),
-    /// No share: a piece by which an update is whole.
-    Update,
 }
 
 impl State {
     /// Not an `Option`: all of it is always written, so a memory checker finds nothing that a compiler reads ahead.
     const NO_PACKET: State =
         State { number: 0, form: Form::None, arrived: 0, filled: 0, start: None };
+
+    fn is_small(&self) -> bool {
+        matches!(self.form, Form::Plain(plain) if plain.layout.is_small())
+    }
 
     fn is_complete(&self) -> bool {
         self.start.is_some_and(|start| start.complete)
@@ -115,7 +121,7 @@ impl State {
         match self.form {
             Form::None => None,
             Form::Layers { header, .. } => Some(header.count),
-            Form::Plain(plain) => plain.count,
+            Form::Plain(plain) => plain.end.map(|(count, _)| count),
         }
     }
 
@@ -124,7 +130,7 @@ impl State {
         match self.form {
             Form::None => 0,
             Form::Layers { header, .. } => header.count,
-            Form::Plain(plain) => plain.count.unwrap_or(plain.next + 1),
+            Form::Plain(plain) => plain.end.map_or(plain.next + 1, |(count, _)| count),
         }
     }
 
@@ -136,7 +142,7 @@ impl State {
 
 impl Slot {
     pub fn memory(shares: usize, mtu: usize) -> usize {
-        2 * shares * mtu + shares
+        2 * shares * mtu + shares + 2
     }
 
     pub fn new(shares: usize, mtu: usize) -> Result<Slot, ModemError> {
@@ -144,7 +150,8 @@ impl Slot {
             room: mtu,
             shares: filled(shares * mtu, 0)?,
             there: filled(shares, false)?,
-            bytes: filled(shares * mtu, 0)?,
+            // The frame number does not travel.
+            bytes: filled(shares * mtu + 2, 0)?,
             known: State::NO_PACKET,
             since: 0.0,
         })
@@ -184,10 +191,16 @@ impl Slot {
 
     /// What is known of the packet, if it may be that of a frame number.
     fn state_of(&self, frame: u32) -> Option<State> {
-        self.state().filter(|state| {
-            let is_of = |start: Start| state.filled == 0 || start.extent.may_be(frame);
-            state.number == frame % NUMBERS && state.start.is_none_or(is_of)
+        self.state().filter(|state| match state.start {
+            Some(start) if state.filled > 0 => start.frame as u16 == frame as u16,
+            // A small share tells nothing of the frame number.
+            _ => !state.is_small() && state.number == frame % NUMBERS,
         })
+    }
+
+    /// Whether it holds a packet that may be that of a frame number.
+    pub fn may_be(&self, frame: u32) -> bool {
+        self.state_of(frame).is_some()
     }
 
     /// What has come of the packet of a frame number.
@@ -195,17 +208,18 @@ impl Slot {
         self.collected(self.state_of(frame)?)
     }
 
-    /// What has come of the packet of a frame number modulo [`NUMBERS`].
+    /// What has come of the packet whose shares state a number.
     pub fn numbered(&self, number: u32) -> Option<CollectedPacket<'_>> {
         self.collected(self.state().filter(|state| state.number == number)?)
     }
 
     fn collected(&self, state: State) -> Option<CollectedPacket<'_>> {
         let start = state.start?;
-        let end = start.at.saturating_add(start.extent.total.unwrap_or(usize::MAX));
-        let bytes = self.bytes.get(start.at..end.min(state.filled))?;
+        let whole = start.extent.whole.filter(|_| start.complete);
+        let end = whole.map_or(state.filled, |whole| start.at + whole);
+        let bytes = self.bytes.get(start.at..end)?;
         (!bytes.is_empty()).then_some(CollectedPacket {
-            frame: start.extent.frame,
+            frame: start.frame,
             bytes,
             complete: start.complete,
             ended: start.ended,
@@ -251,6 +265,7 @@ impl Slot {
 
     #[cfg(test)]
     pub fn capacity(&self) -> usize {
-        self.shares.capacity() + self.there.capacity() + self.bytes.capacity()
+        let Slot { shares, there, bytes, .. } = self;
+        shares.capacity() + there.capacity() + bytes.capacity()
     }
 }

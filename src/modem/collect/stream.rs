@@ -1,7 +1,6 @@
 //! The packets of a stream: the newest one, and those before it.
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::NUMBERS;
 use crate::modem::memory::room;
 
 use super::collected::CollectorStatistics;
@@ -12,6 +11,8 @@ const RESTART: u32 = 6;
 
 /// The packets of a stream.
 pub struct Stream {
+    /// Shares state numbers modulo this.
+    numbers: u32,
     /// The packet of number k is at place k modulo their count.
     slots: Vec<Slot>,
     pub newest: Option<u32>,
@@ -24,34 +25,49 @@ pub struct Stream {
 }
 
 impl Stream {
-    /// Room for `packets` packets, a power of two, each of so many shares.
-    pub fn new(packets: usize, shares: usize, mtu: usize) -> Result<Stream, ModemError> {
+    /// Room for `packets` packets, a power of two, each of so many shares. Shares state numbers modulo `numbers`.
+    pub fn new(
+        numbers: u32,
+        packets: usize,
+        shares: usize,
+        mtu: usize,
+    ) -> Result<Stream, ModemError> {
         let mut slots = room(packets)?;
         for _ in 0..packets {
             slots.push(Slot::new(shares, mtu)?);
         }
-        Ok(Stream { slots, newest: None, last: None, last_pushed: 0.0, late: 0 })
+        Ok(Stream { numbers, slots, newest: None, last: None, last_pushed: 0.0, late: 0 })
     }
 
-    /// Where a packet of a frame number is kept.
-    pub fn slot(&self, frame: u32) -> &Slot {
-        &self.slots[self.place(frame)]
+    /// Where the packet of a frame number is kept, if one may be that.
+    pub fn find(&self, frame: u32) -> Option<&Slot> {
+        self.slots.iter().find(|slot| slot.may_be(frame))
     }
 
-    pub fn slot_mut(&mut self, frame: u32) -> &mut Slot {
-        let place = self.place(frame);
+    /// Where a packet of a number is kept.
+    pub fn slot(&self, number: u32) -> &Slot {
+        &self.slots[self.place(number)]
+    }
+
+    pub fn slot_mut(&mut self, number: u32) -> &mut Slot {
+        let place = self.place(number);
         &mut self.slots[place]
     }
 
-    fn place(&self, frame: u32) -> usize {
-        (frame % NUMBERS) as usize % self.slots.len()
+    fn place(&self, number: u32) -> usize {
+        (number % self.numbers) as usize % self.slots.len()
+    }
+
+    /// How far a number lies before another one.
+    fn behind(&self, number: u32, newest: u32) -> u32 {
+        newest.wrapping_sub(number) % self.numbers
     }
 
     /// Numbers of the packets that may be there, newest first.
     pub fn numbers(&self) -> impl Iterator<Item = u32> + use<> {
         let held = self.newest.map_or(0, |_| self.slots.len() as u32);
-        let newest = self.newest.unwrap_or(0);
-        (0..held).map(move |behind| newest.wrapping_sub(behind) % NUMBERS)
+        let (newest, numbers) = (self.newest.unwrap_or(0), self.numbers);
+        (0..held).map(move |behind| newest.wrapping_sub(behind) % numbers)
     }
 
     /// Empties the places of stale packets. If no share came for as long, counts from the next one, and says so.
@@ -80,14 +96,13 @@ impl Stream {
             return Ok(());
         };
         let held = self.slots.len() as u32;
-        let behind = newest.wrapping_sub(number) % NUMBERS;
-        let ahead = number.wrapping_sub(newest) % NUMBERS;
+        let (behind, ahead) = (self.behind(number, newest), self.behind(newest, number));
         if behind < held {
             self.late = 0;
             return Ok(());
         }
         // Numbers further behind than half of all are ahead.
-        if behind <= NUMBERS / 2 {
+        if behind <= self.numbers / 2 {
             self.late += 1;
             if self.late < RESTART {
                 return Err(ModemError::Late(number));

@@ -2,8 +2,8 @@
 
 use crate::modem::error::ModemError;
 use crate::modem::memory::filled;
-use crate::modem::wire::continuation::Continuation;
 use crate::modem::wire::layout::Layout;
+use crate::modem::wire::plain::Continuation;
 
 /// Unchecked continuations of one tag, one an index.
 pub struct Waiting {
@@ -21,6 +21,7 @@ pub struct Waiting {
 struct Held {
     check: u16,
     len: u16,
+    last: bool,
 }
 
 /// What became of a continuation.
@@ -62,16 +63,16 @@ impl Waiting {
         let at = (later.index - 1) * self.layout.full();
         self.data[at..at + later.data.len()].copy_from_slice(later.data);
         let len = later.data.len() as u16;
-        self.shares[later.index - 1] = Some(Held { check: later.check, len });
+        self.shares[later.index - 1] = Some(Held { check: later.check, len, last: later.last });
         self.count += usize::from(kept == Kept::New);
         kept
     }
 
     pub fn get(&self, index: usize) -> Option<Continuation<'_>> {
-        let Held { check, len } = (*self.shares.get(index - 1)?)?;
+        let Held { check, len, last } = (*self.shares.get(index - 1)?)?;
         let at = (index - 1) * self.layout.full();
         let data = &self.data[at..at + usize::from(len)];
-        Some(Continuation { tag: self.tag, index, check, data })
+        Some(Continuation { tag: self.tag, index, last, check, data })
     }
 
     pub fn remove(&mut self, index: usize) {

@@ -18,6 +18,8 @@ pub struct Division {
     /// Bytes of the packet that are sent. If they are fewer than it has, its end is not sent: it is longer than
     /// planned.
     pub packet_bytes: usize,
+    /// Bytes of them that do not travel: the shares state what they say of the frame number, or it is superfluous.
+    pub left_out: usize,
     /// Bytes on the link, the overhead of each share counted.
     pub link_bytes: usize,
 }
@@ -34,6 +36,7 @@ impl Division {
             picture_shares: layers[0].threshold,
             whole_shares: layers[layers.len() - 1].threshold,
             packet_bytes: sharing.capacity().min(packet),
+            left_out: 0,
             link_bytes,
         }
     }

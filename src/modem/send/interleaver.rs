@@ -115,7 +115,7 @@ mod tests {
 
     fn shares(frame: u32) -> Sharer {
         let (profile, payload) = (PoseProfile::Short, Some(100));
-        let packet = packet_of(Recipe { frame, profile, camera: false, payload });
+        let packet = packet_of(Recipe { frame, profile, stated: false, payload });
         let sharing = Sharing::new(&SharingOptions {
             mtu: 32,
             overhead: 0,

@@ -1,6 +1,5 @@
 //! The vehicle's end: packets to modem frames.
 
-pub mod cutting;
 pub mod division;
 pub mod history;
 pub mod interleaver;
@@ -11,5 +10,3 @@ pub mod sender;
 pub mod sharer;
 pub mod sharing;
 pub mod unprotected;
-pub mod update_options;
-pub mod updates;

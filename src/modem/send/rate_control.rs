@@ -1,7 +1,7 @@
 //! How many bytes each picture may take, so that a link's bit rate and latency are kept.
 
 use crate::modem::error::ModemError;
-use crate::packet::{CAMERA_PART_LEN, LONGEST_LATENT, RENDER_PART_LEN, SHORT_LATENT_LEN};
+use crate::packet::{LONGEST_HEAD, SHORT_LATENT_LEN};
 
 use super::loss::Loss;
 use super::sharing::{Sharing, SharingOptions};
@@ -11,7 +11,7 @@ use super::sharing::{Sharing, SharingOptions};
 pub struct RateControlOptions {
     /// What the link carries, bit/s.
     pub bit_rate: f64,
-    /// Most bytes of a modem frame, 16 to 65,535.
+    /// Most bytes of a modem frame, 16 to 65,535; unprotected from 8 on.
     pub mtu: usize,
     /// What each modem frame costs on the link beside its bytes, as bytes.
     pub overhead: usize,
@@ -28,7 +28,7 @@ pub struct RateControlOptions {
     /// Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
     /// picture takes: the frame rate falls first.
     pub min_bytes: usize,
-    /// Most shares of a packet, 1 to 256; unprotected up to 4096.
+    /// Most shares of a packet, 1 to 256; unprotected up to 2048, below an MTU of 16 up to 8.
     pub max_shares: usize,
     /// What the link loses.
     pub loss: Loss,
@@ -84,8 +84,6 @@ pub struct RateControl {
     planned: Option<Allowance>,
     /// When `credit` was right, seconds.
     at: Option<f64>,
-    /// Part of the bit rate that pictures do not get.
-    reserved: f64,
 }
 
 /// What a frame may spend, bytes.
@@ -136,70 +134,43 @@ impl RateControl {
                 return Err(ModemError::RateControl { field, value });
             }
         }
-        let (free, reserved) = (f64::NEG_INFINITY, 0.0);
         let mut control = RateControl {
             options,
-            free,
+            free: f64::NEG_INFINITY,
             credit: 0.0,
             debt: 0.0,
             planned: None,
             at: None,
-            reserved,
         };
         control.credit = control.turn();
         Ok(control)
     }
 
-    /// Bit/s that pictures get.
-    fn rate(&self) -> f64 {
-        self.options.bit_rate * (1.0 - self.reserved)
-    }
-
     /// Bytes of a frame's turn.
     fn turn(&self) -> f64 {
         let RateControlOptions { frame_rate, min_bytes, .. } = self.options;
-        (self.rate() / 8.0 / frame_rate).max(min_bytes as f64).min(self.reach())
+        (self.options.bit_rate / 8.0 / frame_rate).max(min_bytes as f64).min(self.reach())
     }
 
     /// Bytes that the link carries within the latency.
     fn reach(&self) -> f64 {
         let RateControlOptions { latency, delay, spread, .. } = self.options;
-        self.rate() / 8.0 * (latency - delay - spread)
+        self.options.bit_rate / 8.0 * (latency - delay - spread)
     }
 
     /// Counts the bytes that time has brought until `now`.
     fn earn(&mut self, now: f64) {
         let elapsed = self.at.map_or(0.0, |at| (now - at).max(0.0));
-        self.credit = (self.credit + self.rate() / 8.0 * elapsed).min(self.reach());
+        let credit = self.credit + self.options.bit_rate / 8.0 * elapsed;
+        self.credit = credit.min(self.reach());
+        // What no frame may take any more pays back the debt: else one below its fewest bytes would never be sent.
+        self.debt = (self.debt - (credit - self.credit)).max(0.0);
         self.at = Some(now);
-    }
-
-    /// Keeps a part of the bit rate for what travels beside pictures, such as pieces of updates, from `now` on.
-    /// [`Sender::plan`](crate::modem::Sender::plan) does so by itself.
-    ///
-    /// # Errors
-    /// If the part is not 0 or more and less than 1, or the time not finite. The one before stays.
-    pub fn reserve(&mut self, now: f64, part: f64) -> Result<(), ModemError> {
-        if !((0.0..1.0).contains(&part) && now.is_finite()) {
-            return Err(ModemError::Reserve { part, now });
-        }
-        if part == self.reserved {
-            return Ok(());
-        }
-        self.earn(now);
-        let (rate, turn) = (self.rate(), self.turn());
-        self.reserved = part;
-        self.change_rate(now, rate);
-        // As many turns as before, so that no frame is left out. What time has not brought is paid back.
-        let credit = self.credit * self.turn() / turn;
-        self.debt += (credit - self.credit).max(0.0);
-        self.credit = credit;
-        Ok(())
     }
 
     /// What waits takes another time, as the rate was `before`.
     fn change_rate(&mut self, now: f64, before: f64) {
-        self.free = now + (self.free - now).max(0.0) * before / self.rate();
+        self.free = now + (self.free - now).max(0.0) * before / self.options.bit_rate;
     }
 
     /// Bytes for the frame exposed at `now`, seconds; `None`: it is not sent. Times must not fall.
@@ -213,7 +184,7 @@ impl RateControl {
         if self.credit < turn * 0.999 {
             return None;
         }
-        let backlog = (self.free - now).max(0.0) * self.rate() / 8.0;
+        let backlog = (self.free - now).max(0.0) * self.options.bit_rate / 8.0;
         let repaid = self.debt.min(REPAID * turn);
         let wanted = turn + SPREAD * (self.credit - turn).max(0.0) - repaid;
         let budget = wanted.min(self.reach() - backlog);
@@ -237,9 +208,8 @@ impl RateControl {
         if steady.count() < self.options.max_shares {
             return Ok(steady.capacity());
         }
-        // A packet that tells the camera has so many bytes more, and no more shares. Two are of its longer check.
-        const LONGEST_HEAD: usize = LONGEST_LATENT + CAMERA_PART_LEN + RENDER_PART_LEN;
-        const EXTRA: usize = LONGEST_HEAD + 2 - SHORT_LATENT_LEN;
+        // A packet that states the session has so many bytes more, and no more shares.
+        const EXTRA: usize = LONGEST_HEAD - SHORT_LATENT_LEN;
         let longest = Sharing::new(&self.sharing(self.all(), LONGEST_HEAD, None));
         let room = longest.map_or(usize::MAX, |sharing| sharing.capacity().saturating_sub(EXTRA));
         Ok(steady.capacity().min(room.max(SHORT_LATENT_LEN)))
@@ -341,7 +311,7 @@ impl RateControl {
         let own = budget.min(bytes as f64);
         self.credit -= own + repaid;
         self.debt += bytes as f64 - own - repaid;
-        self.free = self.free.max(now) + bytes as f64 * 8.0 / self.rate();
+        self.free = self.free.max(now) + bytes as f64 * 8.0 / self.options.bit_rate;
         self.free
     }
 
@@ -354,7 +324,7 @@ impl RateControl {
         if !(bit_rate > 0.0 && bit_rate.is_finite()) {
             return Err(ModemError::RateControl { field: "bit_rate", value: bit_rate });
         }
-        let before = self.rate();
+        let before = self.options.bit_rate;
         self.options.bit_rate = bit_rate;
         self.change_rate(now, before);
         self.credit = self.credit.min(self.turn());
@@ -460,30 +430,6 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_is_reserved_comes_back_and_costs_no_frame() {
-        let mut control = RateControl::new(options()).unwrap();
-        for (now, part) in [(0.0, 1.0), (0.0, -0.1), (0.0, f64::NAN), (f64::NAN, 0.1)] {
-            assert!(matches!(control.reserve(now, part), Err(ModemError::Reserve { .. })));
-        }
-        run(&mut control, 0.0, 150, 1.0);
-        let mut now = 10.0;
-        for _ in 0..10 {
-            control.reserve(now, 0.25).unwrap();
-            let less = run(&mut control, now, 75, 1.0);
-            assert!(less.len() >= 24 && less.iter().all(|(_, bytes, _)| *bytes <= 152), "{less:?}");
-            now += 5.0;
-            control.reserve(now, 0.0).unwrap();
-            let all = run(&mut control, now, 75, 1.0);
-            assert!(all.len() >= 24, "{}", all.len());
-            // What was spent before time had brought it is paid back.
-            let bytes: usize = less.iter().chain(&all).map(|(_, bytes, _)| bytes).sum();
-            assert!((8_500..=8_800).contains(&bytes), "{bytes}");
-            assert!(less.iter().chain(&all).all(|(now, _, end)| end - now <= 1.0 + 1e-9));
-            now += 5.0;
-        }
-    }
-
-    #[test]
     fn with_many_bytes_per_picture_the_frame_rate_falls() {
         let mut control =
             RateControl::new(RateControlOptions { min_bytes: 500, ..options() }).unwrap();
@@ -507,6 +453,18 @@ mod tests {
         // More than a turn costs frames.
         control.sent(20.0, 600);
         assert_eq!(control.plan(20.2), None);
+    }
+
+    #[test]
+    fn a_slow_link_comes_back_from_a_debt() {
+        let slow =
+            RateControlOptions { bit_rate: 64.0, mtu: 8, min_bytes: 24, latency: 5.0, ..options() };
+        let mut control = RateControl::unprotected(slow).unwrap();
+        assert!(control.plan(0.0).unwrap() >= 24);
+        control.sent(0.0, 60);
+        let whole = |k: &u32| control.plan(f64::from(*k)) >= Some(24);
+        // The link takes 7.5 s for these bytes.
+        assert!((7..12).contains(&(1..60).find(whole).unwrap()));
     }
 
     #[test]

@@ -2,10 +2,12 @@
 
 use crate::keys::{Keys, Refusal, Seen};
 use crate::modem::error::ModemError;
-use crate::modem::limits::{MAX_SHARES, MIN_MTU, MIN_SHARE_MTU, STREAMS};
+use crate::modem::limits::{MAX_SHARES, MAX_UNPROTECTED, MIN_CHECKED_MTU, MIN_MTU, STREAMS};
 use crate::modem::report::Report;
+use crate::modem::wire::layout::Layout;
 use crate::modem::wire::share::MIN_LEN;
-use crate::packet::Extent;
+use crate::modem::wire::travelling::Travelling;
+use crate::packet::{Extent, Latent, nearest_frame};
 
 use super::division::Division;
 use super::history::History;
@@ -15,11 +17,6 @@ use super::loss::Loss;
 use super::rate_control::{RateControl, RateControlOptions};
 use super::sharer::Sharer;
 use super::unprotected::Unprotected;
-use super::update_options::UpdateOptions;
-use super::updates::{Link, Updates};
-
-/// About as many bytes as an update has.
-const TYPICAL_UPDATE: usize = 500;
 
 /// What is done against lost modem frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,8 +41,6 @@ pub struct SenderOptions {
     pub protection: Protection,
     /// The topside sends reports: [`Sender::process_report`]. The sender then remembers what it sent.
     pub expect_reports: bool,
-    /// What updates of the prior may take of the link; `None`: there are none.
-    pub updates: Option<UpdateOptions>,
 }
 
 impl SenderOptions {
@@ -67,7 +62,11 @@ impl SenderOptions {
     /// Most shares of a packet.
     fn max_shares(&self) -> usize {
         match self.protection {
-            Protection::None => self.control.max_shares,
+            Protection::None => {
+                let most =
+                    Layout::new(self.control.mtu).map_or(MAX_UNPROTECTED, Layout::max_shares);
+                self.control.max_shares.min(most)
+            }
             Protection::Layers => self.control.max_shares.min(MAX_SHARES),
         }
     }
@@ -101,9 +100,7 @@ impl SenderOptions {
         let shares = self.waiting() + 4 * self.max_shares() + 2;
         let waiting = shares.saturating_mul(self.control.mtu.saturating_add(LIST));
         let history = if self.expect_reports { History::memory(&self.control) } else { 0 };
-        let updates = |options| Updates::memory(options, self.control.mtu);
-        let updates = self.updates.as_ref().map_or(0, updates);
-        Ok(waiting.saturating_add(history).saturating_add(updates))
+        Ok(waiting.saturating_add(history))
     }
 
     /// The same of a sender [with keys](Sender::with_keys).
@@ -119,7 +116,7 @@ impl SenderOptions {
     fn keyed(mut self, keys: &Keys) -> Result<SenderOptions, ModemError> {
         let least = match self.protection {
             Protection::None => MIN_MTU,
-            Protection::Layers => MIN_SHARE_MTU,
+            Protection::Layers => MIN_CHECKED_MTU,
         };
         let (mtu, needed) = (self.control.mtu, least + keys.overhead());
         if mtu < needed {
@@ -151,12 +148,6 @@ pub struct SenderStatistics {
     pub bytes: u64,
     /// Shares that were sent again.
     pub resent: u64,
-    /// Updates that were taken.
-    pub updates: u64,
-    /// Pieces of them that were given out.
-    pub pieces: u64,
-    /// Bytes of these on the link, the overhead of each counted.
-    pub piece_bytes: u64,
     /// Reports whose tag no key has made: see [`Sender::with_keys`].
     pub foreign: u64,
     /// Reports that came a second time, with keys.
@@ -172,9 +163,8 @@ pub struct SenderStatistics {
 /// # fn main() -> Result<(), nvsprior::modem::ModemError> {
 /// # let send = |share: &[u8]| {};
 /// # let encode = |bytes: usize| -> Vec<u8> { vec![
-/// #     0xb1, 0x05, 0x04, 0x03, 0x02, 0xed, 0xd0, 0xa5, 0xd4, 0x3f, 0x31, 0x0b, 0x45, 0x13, 0x00,
-/// #     0xfc, 0x14, 0xff, 0x6b, 0xe3, 0xf9, 0x94, 0x94, 0x8e, 0x84, 0xa4, 0xa4, 0x24, 0xa8, 0xd9,
-/// #     0x61,
+/// #     0x00, 0x00, 0x02, 0x00, 0x72, 0x21, 0xfc, 0xff, 0xfc, 0xff, 0xfc, 0xff, 0x0c, 0x40,
+/// #     0x06, 0x20, 0x03, 0x10, 0xe1, 0x3f,
 /// # ] };
 /// use nvsprior::modem::{Loss, Protection, RateControlOptions, Sender, SenderOptions};
 /// let control = RateControlOptions {
@@ -195,7 +185,6 @@ pub struct SenderStatistics {
 ///     stream: 0,
 ///     protection: Protection::Layers,
 ///     expect_reports: false,
-///     updates: None,
 /// })?;
 /// for frame in 0..30 {
 ///     let now = f64::from(frame) / 15.0;
@@ -223,7 +212,6 @@ pub struct Sender {
     /// Frame number of the last packet, to complete those of packets that state it in part.
     last: Option<u32>,
     history: Option<History>,
-    updates: Option<Updates>,
     keyed: Option<Keyed>,
     statistics: SenderStatistics,
 }
@@ -276,8 +264,6 @@ pub struct ProcessedReport {
 const MEMORY: f64 = 0.7;
 /// Greatest loss that packets are protected against.
 const MAX_LOSS: f64 = 0.9;
-/// Latencies after which what was sent counts as come or lost, even if no report tells of packets sent then.
-const PATIENCE: f64 = 10.0;
 
 impl Sender {
     /// Allocates [`SenderOptions::memory`].
@@ -298,10 +284,6 @@ impl Sender {
             told: 0,
             last: None,
             history: options.expect_reports.then(|| History::new(&options.control)).transpose()?,
-            updates: options
-                .updates
-                .map(|updates| Updates::new(updates, mtu, options.expect_reports))
-                .transpose()?,
             keyed: None,
             statistics: SenderStatistics::default(),
             options,
@@ -330,12 +312,8 @@ impl Sender {
     pub fn plan(&mut self, now: f64) -> Result<Option<usize>, ModemError> {
         check_time(now)?;
         let max = self.options.max_shares();
-        let link = self.link();
-        if let (Some(updates), Some(control)) = (&self.updates, self.way.control_mut()) {
-            control.reserve(now, updates.part(&link))?;
-        }
         let planned = match &mut self.way {
-            Way::Unprotected(link, None) => return Ok(Some(link.layout.start(max))),
+            Way::Unprotected(link, None) => return Ok(Some(link.longest(max))),
             Way::Unprotected(link, Some(control)) => {
                 control.plan(now).and_then(|budget| Some((budget, link.capacity(budget)?)))
             }
@@ -379,8 +357,8 @@ impl Sender {
             control.sent(now, division.link_bytes);
         }
         self.interleaver.push(now, &self.sharer);
-        let extent = Extent::read(packet)?.near(self.last);
-        let frame = extent.frame;
+        let extent = Extent::read(packet)?;
+        let frame = nearest_frame(extent.frame, Latent::FRAMES, self.last);
         self.last = Some(frame);
         if let Some(history) = &mut self.history {
             let spread = self.options.control.spread;
@@ -391,11 +369,18 @@ impl Sender {
             history.add(frame, [exposed, now, spread], wanted, &self.sharer);
         }
         self.statistics.packets += 1;
-        let sent = packet.len() - extent.told_by_shares;
-        self.statistics.cut += u64::from(division.packet_bytes < sent);
+        self.statistics.cut += u64::from(division.packet_bytes < packet.len());
         self.statistics.shares += division.shares as u64;
         self.statistics.bytes += division.link_bytes as u64;
         Ok(division)
+    }
+
+    /// What of packets travels.
+    fn travelling(&self) -> Travelling {
+        match &self.way {
+            Way::Layers(_) => Travelling::Wide,
+            Way::Unprotected(link, _) => link.layout.travelling(),
+        }
     }
 
     /// Divides a packet, and makes its shares if there is room for them. Tells when its frame was exposed, too.
@@ -407,8 +392,9 @@ impl Sender {
         let unpaced = self.way.control().is_none();
         let plan = self.planned.or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
         let PlannedFrame { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
-        let Extent { head, told, told_by_shares, .. } = Extent::read(packet)?;
-        let (picture, len) = (head - told_by_shares, packet.len() - told_by_shares);
+        let Extent { head, told, .. } = Extent::read(packet)?;
+        let left_out = self.travelling().left_out(packet[0]).len();
+        let (picture, len) = (head - left_out, packet.len() - left_out);
         let waiting = self.interleaver.len();
         let check_room = |shares: usize| match waiting + shares {
             waiting if waiting > self.room => Err(ModemError::Waiting { waiting, room: self.room }),
@@ -435,7 +421,8 @@ impl Sender {
             }
         };
         self.told = told;
-        Ok((division, exposed))
+        let packet_bytes = division.packet_bytes + left_out;
+        Ok((Division { packet_bytes, left_out, ..division }, exposed))
     }
 
     /// Reads a report for [`Sender::process_report`], and the user bytes that came with it. With keys only one that the
@@ -491,18 +478,12 @@ impl Sender {
         let (Some(history), Some(control)) = (&mut self.history, self.way.control_mut()) else {
             return Err(ModemError::NoReports);
         };
-        let settled = history.settled(report);
         let mut processed = ProcessedReport { loss: history.loss(report), ..Default::default() };
         let RateControlOptions { bit_rate, latency, delay, overhead, loss, .. } =
             *control.options();
         if let Some(measured) = processed.loss {
             let chance = MEMORY * loss.chance + (1.0 - MEMORY) * measured;
             control.set_loss(Loss { chance: chance.min(MAX_LOSS), ..loss })?;
-        }
-        let link = Link::of(control.options(), self.options.stream);
-        if let (Some(updates), Some(told)) = (&mut self.updates, report.updates()) {
-            let settled = settled.max(now - PATIENCE * latency);
-            updates.report((now, settled), report.newest() as u16, told, &link);
         }
         loop {
             let (room, waiting) = (self.room, self.interleaver.len());
@@ -524,99 +505,23 @@ impl Sender {
         }
     }
 
-    /// Takes the next update of the prior, as `Encoder::take_update` gives it. Its pieces are due from `now` on,
-    /// seconds, after those of the updates before. All updates of a dive are kept, and come again for a topside that
-    /// lacks them. After a restart of the vehicle, give the updates here that it still has. One that stands on an
-    /// earlier state takes the place of those after that state: the encoder has dropped them.
-    ///
-    /// # Errors
-    /// If the time is not finite, or the sender was made without [`SenderOptions::updates`]. If the update cannot be
-    /// read, does not stand on a state of the chain, or is too long for the MTU. If there is no room for it:
-    /// [`ModemError::UpdatesFull`]. Nothing changes then; drop the update at the encoder.
-    pub fn push_update(&mut self, now: f64, update: &[u8]) -> Result<(), ModemError> {
-        check_time(now)?;
-        let link = self.link();
-        self.updates.as_mut().ok_or(ModemError::NoUpdates)?.push(now, update, &link)?;
-        self.statistics.updates += 1;
-        Ok(())
-    }
-
-    /// As [`push_update`](Self::push_update), for an update that the topside is taken to hold: one of an earlier dive,
-    /// whose dive file both sides have. Its pieces go only if a report does not tell of it, or when all are repeated.
-    /// [`held_update`](Self::held_update) counts it. Give them in their order, before others.
-    ///
-    /// # Errors
-    /// As [`push_update`](Self::push_update).
-    pub fn push_held_update(&mut self, now: f64, update: &[u8]) -> Result<(), ModemError> {
-        check_time(now)?;
-        let link = self.link();
-        let updates = self.updates.as_mut().ok_or(ModemError::NoUpdates)?;
-        updates.push_held(now, update, &link)?;
-        self.statistics.updates += 1;
-        Ok(())
-    }
-
-    /// The part of the bit rate that pieces of updates take now. [`plan`](Self::plan) leaves it out of what pictures
-    /// get. Whoever plans pictures by a [`RateControl`] of its own gives it to [`RateControl::reserve`].
-    pub fn update_share(&self) -> f64 {
-        self.updates.as_ref().map_or(0.0, |updates| updates.part(&self.link()))
-    }
-
-    /// Bytes of pictures that a byte of an update costs at the loss that is assumed, for `Encoder::learn_more`. An
-    /// update needs parity for all of it. Of a picture what comes is shown, so its bytes count by the chance that they
-    /// come. `None`: no updates are sent.
-    pub fn update_price(&self) -> Option<f64> {
-        let (updates, link) = (self.updates.as_ref()?, self.link());
-        let cost = updates.cost(TYPICAL_UPDATE, &link).ok()?;
-        let price = cost as f64 / TYPICAL_UPDATE as f64 * (1.0 - link.loss.chance);
-        Some(price.max(1.0))
-    }
-
-    /// Number of the newest update that frames may be drawn with from now on; `None`: they are drawn with none yet.
-    /// With reports it is the newest one that the topside is known to hold. Without, it is the newest of which all
-    /// pieces were given out: at the loss that is assumed the topside has each with a chance of 99 %. See
-    /// `Encoder::adopt`.
-    pub fn held_update(&self) -> Option<u16> {
-        self.updates.as_ref()?.held()
-    }
-
-    /// The link, as it is now.
-    fn link(&self) -> Link {
-        Link::of(self.options(), self.options.stream)
-    }
-
-    /// The next modem frame, if it is due at `now`: the time at which it was, and the frame. It is a share, or a piece
-    /// of an update if no share is due. Those that could not be sent in time are due still.
+    /// The next modem frame, if it is due at `now`: the time at which it was, and the frame. Those that could not be
+    /// sent in time are due still.
     pub fn next(&mut self, now: f64) -> Option<(f64, &[u8])> {
-        let link = self.link();
-        let Sender { interleaver, updates, keyed, statistics, .. } = self;
-        let (due, frame) = match interleaver.next_len(now) {
-            Some(_) => interleaver.next(now)?,
-            None => {
-                let (due, piece) = updates.as_mut()?.give_piece(now, &link)?;
-                statistics.pieces += 1;
-                statistics.piece_bytes += piece.len().saturating_add(link.overhead) as u64;
-                (due, piece)
-            }
-        };
-        Some((due, keyed.as_mut().map_or(frame, |keyed| keyed.authenticate(link.stream, frame))))
+        let (due, frame) = self.interleaver.next(now)?;
+        let stream = self.options.stream;
+        Some((due, self.keyed.as_mut().map_or(frame, |keyed| keyed.authenticate(stream, frame))))
     }
 
     /// Bytes of the next modem frame, if it is due at `now`.
     pub fn next_len(&self, now: f64) -> Option<usize> {
-        let share = self.interleaver.next_len(now);
-        let len = share.or_else(|| {
-            let (due, len) = self.updates.as_ref()?.due(&self.link())?;
-            (due <= now).then_some(len)
-        })?;
-        Some(len + self.keyed.as_ref().map_or(0, Keyed::overhead))
+        let overhead = self.keyed.as_ref().map_or(0, Keyed::overhead);
+        Some(self.interleaver.next_len(now)? + overhead)
     }
 
     /// When the next modem frame is due, seconds. `None`: none waits.
     pub fn due(&self) -> Option<f64> {
-        let piece = self.updates.as_ref().and_then(|updates| updates.due(&self.link()));
-        let dues = self.interleaver.due().into_iter().chain(piece.map(|(due, _)| due));
-        dues.reduce(f64::min)
+        self.interleaver.due()
     }
 
     /// Shares that wait, due or not.
@@ -681,7 +586,7 @@ mod tests {
     use crate::modem::collect::collected::Collected;
     use crate::modem::collect::collector::{Collector, CollectorOptions};
     use crate::modem::tests::{Recipe, packet_of};
-    use crate::packet::{Coder, Packet, PoseProfile, Residual};
+    use crate::packet::{Packet, PoseProfile, Residual, SHORT_LATENT_LEN};
     use crate::random::Random;
 
     fn options() -> SenderOptions {
@@ -698,21 +603,14 @@ mod tests {
             loss: Loss { chance: 0.2, burst: 1.0 },
             user: None,
         };
-        SenderOptions {
-            control,
-            stream: 1,
-            protection: Protection::Layers,
-            expect_reports: false,
-            updates: None,
-        }
+        SenderOptions { control, stream: 1, protection: Protection::Layers, expect_reports: false }
     }
 
     /// A packet of at most so many bytes.
     fn packet(frame: u32, bytes: usize) -> Vec<u8> {
-        // From 128 bytes on, a payload's length takes a byte more.
-        let payload = Some(bytes - 22 - usize::from(bytes >= 150));
+        let payload = Some(bytes - SHORT_LATENT_LEN - 2);
         let profile = PoseProfile::Short;
-        packet_of(Recipe { frame, profile, camera: false, payload })
+        packet_of(Recipe { frame, profile, stated: false, payload })
     }
 
     #[test]
@@ -818,8 +716,7 @@ mod tests {
         let control =
             RateControlOptions { bit_rate, max_shares: 64, latency: 2.5, ..options().control };
         let protection = Protection::None;
-        let updates = None;
-        Sender::new(SenderOptions { control, stream: 0, protection, expect_reports, updates })
+        Sender::new(SenderOptions { control, stream: 0, protection, expect_reports })
     }
 
     /// One modem frame in ten is lost. Those that a report misses come again.
@@ -834,7 +731,7 @@ mod tests {
             if let Some(bytes) = sender.plan(now).unwrap() {
                 let packet = packet(frame, bytes);
                 let division = sender.push(now, &packet, None).unwrap();
-                assert_eq!(division.link_bytes, packet.len() + 4 * (division.shares - 1));
+                assert_eq!(division.link_bytes, packet.len() + 1 + 4 * (division.shares - 1));
             }
             while let Some((_, share)) = sender.next(now) {
                 if random.within(0.0, 1.0) >= 0.1 {
@@ -861,21 +758,21 @@ mod tests {
     #[test]
     fn without_a_rate_packets_go_as_they_come() {
         let mut sender = unprotected(0.0, false).unwrap();
-        let max = 64 + 63 * 60;
+        let max = 62 + 63 * 60 + 1;
         assert_eq!(sender.plan(0.0), Ok(Some(max)));
         let packet = packet(7, max);
         for _ in 0..3 {
             let shares = sender.push(0.0, &packet, None).unwrap().shares;
             let sent = std::iter::from_fn(|| sender.next(9.0).map(|(_, share)| share.len()));
-            assert_eq!(sent.sum::<usize>(), packet.len() + 4 * (shares - 1));
+            assert_eq!(sent.sum::<usize>(), packet.len() + 1 + 4 * (shares - 1));
         }
         assert_eq!(sender.set_bit_rate(0.0, 5000.0), Err(ModemError::Unpaced));
         assert_eq!(unprotected(0.0, true).map(drop), Err(ModemError::UnpacedReports));
         let of = |stream, user| {
             let control = RateControlOptions { bit_rate: 0.0, user, ..options().control };
             let protection = Protection::None;
-            let (expect_reports, updates) = (false, None);
-            Sender::new(SenderOptions { control, stream, protection, expect_reports, updates })
+            let expect_reports = false;
+            Sender::new(SenderOptions { control, stream, protection, expect_reports })
         };
         assert_eq!(of(1, None).map(drop), Err(ModemError::UnprotectedStream(1)));
         assert_eq!(of(0, Some(3)).map(drop), Err(ModemError::UserBytes(3)));
@@ -900,7 +797,7 @@ mod tests {
         let mut sender = Sender::new(SenderOptions { control: tight, ..options() }).unwrap();
         sender.plan(0.0).unwrap().unwrap();
         let (profile, payload) = (PoseProfile::Compact, Some(300));
-        let long = packet_of(Recipe { frame: 0, profile, camera: true, payload });
+        let long = packet_of(Recipe { frame: 0, profile, stated: true, payload });
         let division = sender.push(0.0, &long, None).unwrap();
         assert!((49..long.len()).contains(&division.packet_bytes), "{division:?}");
         assert_eq!(sender.statistics().cut, 1);
@@ -910,11 +807,11 @@ mod tests {
 
     /// A packet of at most so many bytes with a truth map.
     fn packet_with_map(frame: u32, bytes: usize) -> Vec<u8> {
-        let map = [0b0100, 6, 1, 2, 3, 4, 5, 6];
+        let map = [0b01, 6, 1, 2, 3, 4, 5, 6];
         let bare = packet(frame, bytes - map.len());
         let bare = Packet::decode(&bare).unwrap();
         let Residual::Coded { payload, .. } = bare.residual else { panic!("{bare:?}") };
-        let residual = Residual::Coded { coder: Coder::Wavelet, payload };
+        let residual = Residual::Coded { small_blocks: false, payload };
         Packet { residual, truth: Some(&map), ..bare }.encode().unwrap()
     }
 
@@ -955,9 +852,9 @@ mod tests {
         let control = RateControlOptions { bit_rate: 1e6, ..options().control };
         let mut sender = Sender::new(SenderOptions { control, ..options() }).unwrap();
         let planned = sender.plan(0.0).unwrap().unwrap();
-        let recipe = |camera, payload| {
+        let recipe = |stated, payload| {
             let profile = PoseProfile::Compact;
-            packet_of(Recipe { frame: 0, profile, camera, payload: Some(payload) })
+            packet_of(Recipe { frame: 0, profile, stated, payload: Some(payload) })
         };
         let fits = |payload: &usize| recipe(false, *payload).len() <= planned;
         let longer = recipe(true, (0..planned).rev().find(fits).unwrap());

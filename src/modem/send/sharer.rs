@@ -1,17 +1,17 @@
 //! A packet to its shares.
 
-use std::cmp::Ordering;
 use std::slice::Chunks;
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::{MAX_SHARES, MAX_UNPROTECTED, NUMBERS, STREAMS};
+use crate::modem::limits::{MAX_SHARES, MAX_UNPROTECTED, NUMBERS, SMALL_NUMBERS, STREAMS};
 use crate::modem::memory::room;
 use crate::modem::wire::code::Known;
-use crate::modem::wire::contents::{End, contents_len, put_contents};
-use crate::modem::wire::continuation::{binding, header, tag_of};
+use crate::modem::wire::contents::{contents_len, put_contents};
 use crate::modem::wire::layout::Layout;
+use crate::modem::wire::plain::{Continuation, First, Small, TAGS};
 use crate::modem::wire::share::{Header, PacketHeader, write};
-use crate::packet::{Extent, valid_len};
+use crate::modem::wire::travelling::Travelling;
+use crate::packet::Extent;
 
 use super::sharing::Sharing;
 
@@ -22,9 +22,8 @@ use super::sharing::Sharing;
 /// # fn main() -> Result<(), nvsprior::modem::ModemError> {
 /// # let send = |frame: &[u8]| {};
 /// # let packet = [
-/// #     0xb1, 0x05, 0x04, 0x03, 0x02, 0xed, 0xd0, 0xa5, 0xd4, 0x3f, 0x31, 0x0b, 0x45, 0x13, 0x00,
-/// #     0xfc, 0x14, 0xff, 0x6b, 0xe3, 0xf9, 0x94, 0x94, 0x8e, 0x84, 0xa4, 0xa4, 0x24, 0xa8, 0xd9,
-/// #     0x61,
+/// #     0x00, 0x00, 0x02, 0x00, 0x72, 0x21, 0xfc, 0xff, 0xfc, 0xff, 0xfc, 0xff, 0x0c, 0x40,
+/// #     0x06, 0x20, 0x03, 0x10, 0xe1, 0x3f,
 /// # ];
 /// use nvsprior::modem::{Loss, Sharer, Sharing, SharingOptions};
 /// let mut sharer = Sharer::default();
@@ -58,8 +57,10 @@ pub struct Sharer {
     /// Bytes of each; the last one may be shorter.
     share_len: usize,
     scratch: Vec<u8>,
-    /// The packet, without what shares tell by themselves.
+    /// What travels of the packet.
     sent: Vec<u8>,
+    /// Packets that went in small modem frames.
+    small: u32,
 }
 
 impl Sharer {
@@ -76,6 +77,7 @@ impl Sharer {
             share_len: 0,
             scratch: room(mtu)?,
             sent: room(all)?,
+            small: 0,
         })
     }
 
@@ -84,18 +86,20 @@ impl Sharer {
     /// # Errors
     /// If the system does not have it.
     pub fn with_room_unprotected(mtu: usize, shares: usize) -> Result<Sharer, ModemError> {
-        let shares = room(shares.min(MAX_UNPROTECTED).saturating_mul(mtu))?;
-        Ok(Sharer { shares, ..Sharer::default() })
+        let all = shares.min(MAX_UNPROTECTED).saturating_mul(mtu);
+        Ok(Sharer { shares: room(all)?, sent: room(all)?, ..Sharer::default() })
     }
 
     /// Makes the unprotected shares of a packet, for modem frames of at most `mtu` bytes.
     ///
     /// # Errors
-    /// If the MTU is outside 31 to 65,535 bytes. If the bytes are not exactly one packet whose checks match. If the
+    /// If the MTU is outside 8 to 65,535 bytes. If the bytes are not exactly one packet whose checks match. If the
     /// packet is longer than [`largest_packet`](crate::modem::largest_packet).
     pub fn split(&mut self, packet: &[u8], mtu: usize) -> Result<(), ModemError> {
         let layout = Layout::new(mtu)?;
-        let count = layout.count_of(packet.len(), MAX_UNPROTECTED)?;
+        let first = *packet.first().ok_or(ModemError::Invalid { len: 0, valid: 0 })?;
+        let len = packet.len() - layout.travelling().left_out(first).len().min(packet.len());
+        let count = layout.count_of(len, layout.max_shares())?;
         self.split_start(packet, layout, count)
     }
 
@@ -107,21 +111,41 @@ impl Sharer {
         count: usize,
     ) -> Result<(), ModemError> {
         let extent = check(packet)?;
-        if extent.told_by_shares > 0 {
-            return Err(ModemError::UnprotectedPrediction);
-        }
-        let tag = tag_of(extent.frame);
-        let range = |index| layout.range(index, packet.len());
-        let binding = binding(&packet[range(0)]);
+        self.sent.clear();
+        self.sent.extend(layout.travelling().of(packet));
+        let all = layout.count(self.sent.len());
         self.share_len = layout.mtu;
         self.shares.clear();
-        self.shares.extend(&packet[range(0)]);
-        for index in 1..count {
-            let data = &packet[range(index)];
-            self.shares.extend(header(binding, tag, index, data));
-            self.shares.extend(data);
+        match layout.is_small() {
+            true => self.write_small(layout, count, all),
+            false => self.write_plain(layout, count, all, extent.frame),
         }
         Ok(())
+    }
+
+    /// Writes the first `count` of `all` shares.
+    fn write_plain(&mut self, layout: Layout, count: usize, all: usize, frame: u32) {
+        let data = |index| &self.sent[layout.range(index, self.sent.len())];
+        let (number, last) = (frame % NUMBERS, all == 1);
+        let first = First { number, last, data: data(0) };
+        let (binding, tag) = (first.binding(), frame as usize % TAGS);
+        self.shares.extend(First::header(number, last));
+        self.shares.extend(first.data);
+        for index in 1..count {
+            let (last, data) = (index + 1 == all, data(index));
+            let later = Continuation { tag, index, last, check: 0, data };
+            self.shares.extend(later.header(binding));
+            self.shares.extend(data);
+        }
+    }
+
+    /// The same in small modem frames.
+    fn write_small(&mut self, layout: Layout, count: usize, all: usize) {
+        for index in 0..count {
+            self.shares.push(Small::header(self.small, index, index + 1 == all));
+            self.shares.extend(&self.sent[layout.range(index, self.sent.len())]);
+        }
+        self.small = (self.small + 1) % SMALL_NUMBERS;
     }
 
     /// Makes the protected shares of a packet, of a stream 0 to 3. If the packet is longer than [`Sharing::capacity`],
@@ -149,31 +173,20 @@ impl Sharer {
         let data_len = layers.iter().map(|layer| layer.chunk).sum::<usize>();
         self.data.clear();
         self.data.resize(count * data_len, 0);
-        let (capacity, sent) = (sharing.capacity(), packet.len() - extent.told_by_shares);
-        let end = match capacity.cmp(&sent) {
-            _ if !extent.is_open => End::Layers,
-            Ordering::Equal => End::Layers,
-            Ordering::Less => End::Cut,
-            Ordering::Greater => End::Padded,
-        };
-        let padding = capacity.saturating_sub(sent);
-        let travelling = packet[..1].iter().chain(&packet[1 + extent.told_by_shares..]);
         self.sent.clear();
-        self.sent.extend(travelling.take(capacity));
+        self.sent.extend(Travelling::Wide.of(packet));
+        let cut = sharing.capacity() < self.sent.len();
+        self.sent.truncate(sharing.capacity());
         let (mut rest, mut at) = (&self.sent[..], 0);
         for (k, layer) in layers.iter().enumerate() {
             self.layer.clear();
             if k == 0 {
-                put_contents(&layers[1..], user, end, &mut self.layer);
+                put_contents(&layers[1..], user, cut, &mut self.layer);
             }
             let taken = (layer.len() - self.layer.len()).min(rest.len());
             self.layer.extend(&rest[..taken]);
             rest = &rest[taken..];
             self.layer.resize(layer.len(), 0);
-            if k + 1 == layers.len() && end == End::Padded {
-                let last = self.layer.last_mut().ok_or(ModemError::Padding(padding))?;
-                *last = u8::try_from(padding).map_err(|_| ModemError::Padding(padding))?;
-            }
             let chunk = |index: usize| &self.layer[index * layer.chunk..][..layer.chunk];
             let known = Known::new(0..layer.threshold);
             for (index, share) in self.data.chunks_exact_mut(data_len).enumerate() {
@@ -229,15 +242,8 @@ impl Sharer {
 /// Reads the start of what must be exactly one packet whose checks all match.
 fn check(packet: &[u8]) -> Result<Extent, ModemError> {
     let extent = Extent::read(packet)?;
-    // A packet that is cut before it says its length has one more byte at least.
-    let len = packet.len();
-    let stated = extent.total.unwrap_or(if extent.is_open { len } else { len + 1 });
-    if stated != len {
-        return Err(ModemError::PacketLength { found: len, stated });
+    match extent.whole {
+        Some(len) if len == packet.len() => Ok(extent),
+        _ => Err(ModemError::Invalid { len: packet.len(), valid: extent.valid }),
     }
-    let valid = valid_len(packet);
-    if valid != len {
-        return Err(ModemError::Invalid { len, valid });
-    }
-    Ok(extent)
 }

@@ -1,7 +1,7 @@
 //! How a protected packet is divided into layers, so that what arrives is worth most.
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::{MAX_MTU, MAX_SHARES, MIN_SHARE_MTU};
+use crate::modem::limits::{MAX_MTU, MAX_SHARES, MIN_CHECKED_MTU};
 use crate::modem::wire::contents::{Layer, MAX_LAYERS, contents_len};
 use crate::modem::wire::share::{MAX_FIRST, header_len, number_len};
 
@@ -23,7 +23,7 @@ pub struct SharingOptions {
     pub spread: usize,
     /// What is lost on the way. If it is not known, 0.1 is a fair guess.
     pub loss: Loss,
-    /// Bytes of the packet that make a picture: its latent part and, if there is one, its camera part.
+    /// Bytes of the packet that make a picture: those before its residual part.
     pub picture: usize,
     /// Length of the packet, if it is known. No layer goes beyond it. What is left of the budget protects it better.
     pub packet: Option<usize>,
@@ -64,7 +64,7 @@ impl SharingOptions {
     /// With the name of what is wrong.
     pub fn check(&self) -> Result<(), ModemError> {
         self.loss.check()?;
-        if !(MIN_SHARE_MTU..=MAX_MTU).contains(&self.mtu) {
+        if !(MIN_CHECKED_MTU..=MAX_MTU).contains(&self.mtu) {
             return Err(ModemError::ShareMtu(self.mtu));
         }
         if !(1..=MAX_SHARES).contains(&self.max_shares) {

@@ -1,8 +1,7 @@
 //! How many shares of an unprotected packet a budget holds.
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::MAX_UNPROTECTED;
-use crate::modem::wire::layout::{HEADER_LEN, Layout};
+use crate::modem::wire::layout::Layout;
 use crate::packet::SHORT_LATENT_LEN;
 
 use super::division::Division;
@@ -23,12 +22,12 @@ impl Unprotected {
     /// If an option is outside its range: the MTU, the shares, or user bytes, for which these shares have no place.
     pub fn new(options: &RateControlOptions) -> Result<Unprotected, ModemError> {
         let RateControlOptions { mtu, overhead, max_shares, user, .. } = *options;
-        if !(1..=MAX_UNPROTECTED).contains(&max_shares) {
-            return Err(ModemError::UnprotectedCount(max_shares));
-        }
+        let layout = Layout::new(mtu)?;
+        let max = layout.max_shares();
         match user {
             Some(user) => Err(ModemError::UserBytes(user)),
-            None => Ok(Unprotected { layout: Layout::new(mtu)?, overhead, max_shares }),
+            None if max_shares == 0 => Err(ModemError::UnprotectedCount { found: 0, max }),
+            None => Ok(Unprotected { layout, overhead, max_shares: max_shares.min(max) }),
         }
     }
 
@@ -36,14 +35,19 @@ impl Unprotected {
     pub fn capacity(&self, budget: usize) -> Option<usize> {
         let full = self.full(budget);
         let frame = self.layout.mtu.saturating_add(self.overhead);
-        let header = if full == 0 { 0 } else { HEADER_LEN };
+        let header = self.layout.header(full);
         let rest = budget.saturating_sub(full.saturating_mul(frame));
         let rest = match full < self.max_shares {
             true => rest.saturating_sub(self.overhead.saturating_add(header)),
             false => 0,
         };
-        let capacity = self.layout.start(full) + rest;
+        let capacity = self.layout.start(full) + rest + self.layout.travelling().least();
         (capacity >= SHORT_LATENT_LEN).then_some(capacity)
+    }
+
+    /// The longest packet of so many shares, bytes.
+    pub fn longest(&self, shares: usize) -> usize {
+        self.layout.start(shares) + self.layout.travelling().least()
     }
 
     /// Full shares that a budget holds.
@@ -84,16 +88,17 @@ impl Unprotected {
 
     /// Of the first so many shares.
     fn division(&self, shares: usize, picture: usize, packet: usize) -> Division {
-        let header_bytes = HEADER_LEN * shares.saturating_sub(1);
+        let header_bytes = self.layout.headers(shares);
         let packet_bytes = self.layout.start(shares).min(packet);
         let bytes = packet_bytes + header_bytes;
         Division {
             shares,
-            share_bytes: self.layout.mtu.min(packet_bytes),
+            share_bytes: self.layout.mtu.min(packet_bytes + self.layout.header(0)),
             header_bytes,
             picture_shares: self.layout.count(picture),
             whole_shares: shares,
             packet_bytes,
+            left_out: 0,
             link_bytes: self.overhead.saturating_mul(shares).saturating_add(bytes),
         }
     }
@@ -132,18 +137,20 @@ mod tests {
 
     #[test]
     fn a_budget_holds_as_much_as_it_says_and_no_more() {
-        for (mtu, overhead) in [(31, 0), (31, 7), (64, 0), (256, 3)] {
+        for (mtu, overhead) in [(16, 0), (31, 0), (31, 7), (64, 0), (256, 3)] {
             let link = unprotected(mtu, overhead, 4096);
             for budget in 0..1500 {
                 let Some(capacity) = link.capacity(budget) else {
-                    assert!(budget < SHORT_LATENT_LEN + overhead);
+                    assert!(budget < SHORT_LATENT_LEN + 5 + 2 * overhead);
                     continue;
                 };
-                let fits = link.divide(budget, SHORT_LATENT_LEN, capacity).unwrap();
+                // The low byte of the frame number does not travel.
+                let capacity = capacity - 1;
+                let fits = link.divide(budget, SHORT_LATENT_LEN - 1, capacity).unwrap();
                 assert_eq!(fits.packet_bytes, capacity, "{mtu} {overhead} {budget}");
                 assert!(fits.link_bytes <= budget, "{mtu} {overhead} {budget}: {fits:?}");
                 // Of a longer packet, the share in which the budget ends is the last one.
-                let cut = link.divide(budget, SHORT_LATENT_LEN, capacity + 500).unwrap();
+                let cut = link.divide(budget, SHORT_LATENT_LEN - 1, capacity + 500).unwrap();
                 assert!((capacity..=capacity + mtu).contains(&cut.packet_bytes), "{cut:?}");
                 assert!((budget..=budget + mtu + overhead).contains(&cut.link_bytes), "{cut:?}");
             }
@@ -158,7 +165,7 @@ mod tests {
         assert_eq!(link.divide(10, 49, 60).unwrap().shares, 1);
         let refused = unprotected(31, 0, 1).divide(10, 49, 60);
         assert_eq!(refused, Err(ModemError::Budget { budget: 10, picture: 49 }));
-        let (len, largest, mtu) = (500, 64 + 7 * 60, 64);
+        let (len, largest, mtu) = (500, 62 + 7 * 60, 64);
         assert_eq!(link.whole(19, 500), Err(ModemError::PacketTooLong { len, largest, mtu }));
     }
 }

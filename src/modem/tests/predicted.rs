@@ -1,42 +1,47 @@
-//! Packets in the predicted form over shares: their frame number and their end are not among their bytes.
+//! Packets with predicted poses over shares: their frame number is not among their bytes.
 
-use super::{CAMERA, PRIOR, noise};
+use super::{SESSION, latent_of, noise};
 use crate::Pose;
-use crate::modem::{
-    Collected, Collector, CollectorOptions, Loss, ModemError, Sharer, Sharing, SharingOptions,
-};
+use crate::modem::{Collected, Collector, CollectorOptions, Loss, Sharer, Sharing, SharingOptions};
 use crate::packet::{
-    Coder, HeldPoses, Latent, Packet, PoseProfile, QuantisedPose, Residual, valid_len,
+    Extent, HeldPoses, Latent, Packet, Parsed, PoseProfile, QuantisedPose, Residual, SentPoses,
 };
 use crate::prior::CoordinateFrame;
 
 const PRIOR_FRAME: CoordinateFrame = CoordinateFrame { centre: [0.0; 3], spread: 8.0 };
-/// Frame numbers in shares are modulo 128.
+/// Frame numbers in shares are modulo 256.
 const FRAME: u32 = 1000;
 
-fn short(frame: u32) -> Latent {
+fn stated(frame: u32) -> Latent {
     let along = f64::from(frame % 100) * 0.01;
     let pose = Pose::from_wxyz([0.9, 0.1, -0.3, 0.1], [along, 0.0, 1.0]).unwrap();
-    let pose = QuantisedPose::quantise(&pose, &PRIOR_FRAME, PoseProfile::Short).unwrap();
-    let latent = Latent::new(frame, PRIOR, &CAMERA, pose, false).unwrap();
-    latent.shortened(PRIOR, &CAMERA).unwrap()
+    latent_of(frame, QuantisedPose::quantise(&pose, &PRIOR_FRAME, PoseProfile::Short).unwrap())
 }
+
+const HELD: std::ops::Range<u32> = FRAME - 9..FRAME - 5;
 
 fn held() -> HeldPoses {
     let mut held = HeldPoses::default();
-    (FRAME - 9..FRAME - 5).for_each(|frame| held.hold(frame, &short(frame), 5));
+    HELD.for_each(|frame| held.hold(frame, &stated(frame), &SESSION).unwrap());
     held
+}
+
+fn of(latent: Latent, residual: Residual) -> Vec<u8> {
+    Packet { latent, session: None, render: None, residual, truth: None }.encode().unwrap()
 }
 
 /// A packet with so many bytes of residual; `None`: it has none.
 fn packet(payload: Option<usize>) -> Vec<u8> {
-    let latent = held().predict(FRAME, &short(FRAME), 5).unwrap();
-    let bytes = noise(7, payload.unwrap_or(0));
-    let residual = match payload {
-        Some(_) => Residual::Coded { coder: Coder::Wavelet, payload: &bytes },
-        None => Residual::Omitted,
-    };
-    Packet { latent, camera: None, render: None, residual, truth: None }.encode().unwrap()
+    let mut sent = SentPoses::new();
+    HELD.for_each(|frame| sent.add(&stated(frame), &SESSION).unwrap());
+    HELD.for_each(|frame| sent.acknowledge(frame, true));
+    let latent = sent.predicted(&stated(FRAME), &SESSION).unwrap();
+    assert!(latent.predicted.is_some());
+    let payload = payload.map(|len| noise(7, len));
+    match &payload {
+        Some(payload) => of(latent, Residual::Coded { small_blocks: false, payload }),
+        None => of(latent, Residual::Omitted),
+    }
 }
 
 fn sharing(packet: &[u8], budget: usize, chance: f64, whole: bool) -> Sharing {
@@ -48,8 +53,8 @@ fn sharing(packet: &[u8], budget: usize, chance: f64, whole: bool) -> Sharing {
         max_shares: 16,
         spread: 0,
         loss,
-        picture: 10,
-        packet: Some(packet.len() - 1),
+        picture: Extent::read(packet).unwrap().head,
+        packet: Some(packet.len() - 2),
         whole,
         user: None,
     })
@@ -58,17 +63,10 @@ fn sharing(packet: &[u8], budget: usize, chance: f64, whole: bool) -> Sharing {
 
 fn collector() -> Collector {
     let mut collector = Collector::new(CollectorOptions::new(32)).unwrap();
-    // A packet before tells the numbers beyond 128.
-    let before = Packet {
-        latent: Latent { frame: FRAME - 3, ..short(FRAME - 3) },
-        camera: None,
-        render: None,
-        residual: Residual::None,
-        truth: None,
-    };
+    // A packet before tells the numbers beyond 256.
     let mut sharer = Sharer::default();
-    let bytes = before.encode().unwrap();
-    sharer.share(&bytes, &sharing(&[0; 20], 100, 0.0, true), 0, None).unwrap();
+    let bytes = of(stated(FRAME - 3), Residual::None);
+    sharer.share(&bytes, &sharing(&bytes, 100, 0.0, false), 0, None).unwrap();
     sharer.shares().for_each(|share| _ = collector.push(0.0, share).unwrap());
     collector
 }
@@ -96,15 +94,10 @@ fn any_shares_yield_the_packet_or_a_start_of_it() {
                 Some(Collected::Complete(0, FRAME) | Collected::Grown(0, FRAME) | Collected::Kept)
                     | Some(Collected::Surplus)
             ));
-            let mut start = packet.clone();
-            if !found.complete {
-                start[1] &= 0x7F;
-                start.truncate(found.bytes.len());
-            }
-            assert_eq!(found.bytes, start);
-            let read = Packet::salvage_with(found.bytes, &held()).unwrap();
-            assert_eq!(read.latent.pose, short(FRAME).pose);
-            assert_eq!(read.residual.is_ok(), found.complete);
+            assert_eq!(found.bytes, &packet[..found.bytes.len()]);
+            let read = Parsed::with(found.bytes, &held()).unwrap();
+            assert_eq!(read.latent().pose, stated(FRAME).pose);
+            assert_eq!(read.residual(found.bytes).is_ok(), found.complete);
             whole += u32::from(found.complete);
         }
         assert!(whole > 0);
@@ -112,7 +105,7 @@ fn any_shares_yield_the_packet_or_a_start_of_it() {
 }
 
 #[test]
-fn padding_and_missing_ends_are_told() {
+fn padding_is_none_of_it_and_missing_ends_are_told() {
     let packet = packet(Some(100));
     let mut seen = [0; 3];
     for budget in 60..260 {
@@ -122,13 +115,11 @@ fn padding_and_missing_ends_are_told() {
         let mut collector = collector();
         sharer.shares().for_each(|share| _ = collector.push(0.0, share).unwrap());
         let found = collector.packet(0, FRAME).unwrap();
-        let is_cut = sharing.capacity() < packet.len() - 1;
+        let is_cut = sharing.capacity() < packet.len() - 2;
         assert_eq!((found.complete, found.ended), (!is_cut, true), "{budget}");
-        match is_cut {
-            true => assert_eq!(found.bytes[2..], packet[2..found.bytes.len()]),
-            false => assert_eq!(found.bytes, packet),
-        }
-        let order = sharing.capacity().cmp(&(packet.len() - 1));
+        assert_eq!(found.bytes, &packet[..found.bytes.len()]);
+        assert_eq!(found.bytes.len() == packet.len(), !is_cut);
+        let order = sharing.capacity().cmp(&(packet.len() - 2));
         seen[(order as i8 + 1) as usize] += 1;
     }
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
@@ -146,11 +137,21 @@ fn a_packet_without_residual_tells_its_end() {
 }
 
 #[test]
-fn it_does_not_go_without_protection() {
-    let packet = packet(Some(20));
-    assert_eq!(valid_len(&packet), packet.len());
-    let refused = Sharer::default().split(&packet, 64);
-    assert_eq!(refused, Err(ModemError::UnprotectedPrediction));
-    let mut collector = Collector::new(CollectorOptions::new(64)).unwrap();
-    assert!(matches!(collector.push(0.0, &packet), Err(ModemError::NotAFrame(_))));
+fn it_goes_without_protection_at_any_mtu() {
+    for mtu in [8, 12, 16, 31, 64] {
+        for payload in [None, Some(20)] {
+            let packet = packet(payload);
+            let mut collector = Collector::new(CollectorOptions::new(mtu)).unwrap();
+            let mut sharer = Sharer::default();
+            let mut last = None;
+            for packet in [&of(stated(FRAME - 3), Residual::None), &packet] {
+                sharer.split(packet, mtu).unwrap();
+                last = sharer.shares().map(|share| collector.push(0.0, share).unwrap()).last();
+            }
+            assert_eq!(last, Some(Collected::Complete(0, FRAME)), "{mtu}");
+            let found = collector.packet(0, FRAME).unwrap();
+            assert_eq!(found.bytes, packet, "{mtu}");
+            assert!(Parsed::with(found.bytes, &held()).is_ok());
+        }
+    }
 }

@@ -27,31 +27,8 @@ impl Layer {
 pub const MAX_LAYERS: usize = 8;
 /// Bit of the first byte: user bytes follow.
 const USER: u8 = 1 << 3;
-/// Bits of the first byte that say where an open packet ends.
-const PADDED: u8 = 1 << 4;
-const CUT: u8 = 1 << 5;
-
-/// Where a packet ends. One that tells that by itself always has `End::Layers`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum End {
-    /// With the last layer.
-    #[default]
-    Layers,
-    /// Before it: the last byte of the last layer tells how many bytes of it are not the packet's.
-    Padded,
-    /// Behind it: the packet's end is not sent.
-    Cut,
-}
-
-impl End {
-    fn bits(self) -> u8 {
-        match self {
-            End::Layers => 0,
-            End::Padded => PADDED,
-            End::Cut => CUT,
-        }
-    }
-}
+/// Bit of the first byte: the packet's end is not sent.
+const CUT: u8 = 1 << 4;
 
 /// What the first layer says of the others, and the user bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,7 +37,8 @@ pub struct Contents<'a> {
     pub layers: [Layer; MAX_LAYERS - 1],
     pub others: usize,
     pub user: Option<&'a [u8]>,
-    pub end: End,
+    /// The packet's end is not sent.
+    pub cut: bool,
 }
 
 /// Bytes that the layers and so many user bytes take in the first layer.
@@ -69,9 +47,10 @@ pub fn contents_len(others: &[Layer], user: Option<usize>) -> usize {
     1 + layers.sum::<usize>() + user.map_or(0, |user| 1 + user)
 }
 
-pub fn put_contents(others: &[Layer], user: Option<&[u8]>, end: End, bytes: &mut Vec<u8>) {
+pub fn put_contents(others: &[Layer], user: Option<&[u8]>, cut: bool, bytes: &mut Vec<u8>) {
     let flag = if user.is_some() { USER } else { 0 };
-    bytes.push(end.bits() | flag | others.len() as u8);
+    let cut = if cut { CUT } else { 0 };
+    bytes.push(cut | flag | others.len() as u8);
     for layer in others {
         put_number(layer.threshold, bytes);
         put_number(layer.chunk, bytes);
@@ -92,13 +71,11 @@ pub fn take_contents(
 ) -> Option<(Contents<'_>, &[u8])> {
     let (&flags, rest) = bytes.split_first()?;
     bytes = rest;
-    let end = match flags & !(USER | 7) {
-        0 => End::Layers,
-        PADDED => End::Padded,
-        CUT => End::Cut,
-        _ => return None,
-    };
-    let mut contents = Contents { others: usize::from(flags & 7), end, ..Contents::default() };
+    if flags & !(CUT | USER | 7) != 0 {
+        return None;
+    }
+    let (others, cut) = (usize::from(flags & 7), flags & CUT != 0);
+    let mut contents = Contents { others, cut, ..Contents::default() };
     let (mut threshold, mut taken) = (first.threshold, first.chunk);
     for layer in &mut contents.layers[..contents.others] {
         *layer = Layer { threshold: take_number(&mut bytes)?, chunk: take_number(&mut bytes)? };

@@ -3,28 +3,35 @@
 use std::ops::Range;
 
 use crate::modem::error::ModemError;
-use crate::modem::limits::{MAX_MTU, MAX_UNPROTECTED, MIN_MTU};
+use crate::modem::limits::{MAX_MTU, MAX_SMALL, MAX_UNPROTECTED, MIN_CHECKED_MTU, MIN_MTU};
 
-/// Header bytes of each share after the first.
-pub const HEADER_LEN: usize = 4;
+use super::travelling::Travelling;
 
-/// Shares that an unprotected packet of `packet_len` bytes takes at an MTU of `mtu` bytes.
+/// Header bytes of the first share, and of each share after it.
+const FIRST: usize = 2;
+const LATER: usize = 4;
+/// Header bytes of a small share.
+const SMALL: usize = 1;
+
+/// Shares that an unprotected packet of `packet_len` bytes takes at most at an MTU of `mtu` bytes.
 ///
 /// # Errors
-/// If the MTU is outside 31 to 65,535 bytes or the packet longer than [`largest_packet`].
+/// If the MTU is outside 8 to 65,535 bytes or the packet longer than [`largest_packet`].
 pub fn share_count(packet_len: usize, mtu: usize) -> Result<usize, ModemError> {
-    Layout::new(mtu)?.count_of(packet_len, MAX_UNPROTECTED)
+    let layout = Layout::new(mtu)?;
+    layout.count_of(packet_len - layout.travelling().least().min(packet_len), layout.max_shares())
 }
 
 /// The longest packet that travels unprotected at an MTU of `mtu` bytes, bytes.
 ///
 /// # Errors
-/// If the MTU is outside 31 to 65,535 bytes.
+/// If the MTU is outside 8 to 65,535 bytes.
 pub fn largest_packet(mtu: usize) -> Result<usize, ModemError> {
-    Ok(Layout::new(mtu)?.start(MAX_UNPROTECTED))
+    let layout = Layout::new(mtu)?;
+    Ok(layout.start(layout.max_shares()) + layout.travelling().least())
 }
 
-/// Where a packet's bytes lie in shares of one MTU.
+/// Where what travels of a packet lies in shares of one MTU.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     pub mtu: usize,
@@ -32,34 +39,68 @@ pub struct Layout {
 
 impl Layout {
     pub fn new(mtu: usize) -> Result<Layout, ModemError> {
-        if (MIN_MTU..=MAX_MTU).contains(&mtu) {
-            Ok(Layout { mtu })
-        } else {
-            Err(ModemError::Mtu(mtu))
+        match (MIN_MTU..=MAX_MTU).contains(&mtu) {
+            true => Ok(Layout { mtu }),
+            false => Err(ModemError::Mtu(mtu)),
+        }
+    }
+
+    /// Whether modem frames are small: their header has one byte, and they have no check of their own.
+    pub fn is_small(self) -> bool {
+        self.mtu < MIN_CHECKED_MTU
+    }
+
+    /// What of a packet travels in them.
+    pub fn travelling(self) -> Travelling {
+        if self.is_small() { Travelling::Small } else { Travelling::Wide }
+    }
+
+    /// Most shares of a packet.
+    pub fn max_shares(self) -> usize {
+        if self.is_small() { MAX_SMALL } else { MAX_UNPROTECTED }
+    }
+
+    /// Header bytes of a share.
+    pub fn header(self, index: usize) -> usize {
+        match index {
+            _ if self.is_small() => SMALL,
+            0 => FIRST,
+            _ => LATER,
+        }
+    }
+
+    /// Header bytes of so many shares.
+    pub fn headers(self, shares: usize) -> usize {
+        match shares {
+            0 => 0,
+            shares => self.header(0) + (shares - 1) * self.header(1),
         }
     }
 
     /// Data bytes of a full share after the first.
     pub fn full(self) -> usize {
-        self.mtu - HEADER_LEN
+        self.mtu - self.header(1)
     }
 
-    /// The packet's byte with which a share's data begin.
+    /// The byte with which a share's data begin.
     pub fn start(self, index: usize) -> usize {
-        if index == 0 { 0 } else { self.mtu + (index - 1) * self.full() }
+        match index {
+            0 => 0,
+            index => self.mtu - self.header(0) + (index - 1) * self.full(),
+        }
     }
 
-    /// The packet's bytes in a share, of a packet of `total` bytes; empty beyond its end.
+    /// The bytes in a share, of `total` that travel; empty beyond their end.
     pub fn range(self, index: usize, total: usize) -> Range<usize> {
         self.start(index).min(total)..self.start(index + 1).min(total)
     }
 
-    /// Shares of a packet of `total` bytes, however many.
+    /// Shares of `total` bytes, however many.
     pub fn count(self, total: usize) -> usize {
-        1 + total.saturating_sub(self.mtu).div_ceil(self.full())
+        1 + total.saturating_sub(self.start(1)).div_ceil(self.full())
     }
 
-    /// Shares of a packet of `len` bytes, at most `max`.
+    /// Shares of `len` bytes that travel, at most `max`.
     pub fn count_of(self, len: usize, max: usize) -> Result<usize, ModemError> {
         let (largest, mtu) = (self.start(max), self.mtu);
         if len > largest {

@@ -2,7 +2,7 @@
 
 pub mod code;
 pub mod contents;
-pub mod continuation;
 pub mod layout;
-pub mod piece;
+pub mod plain;
 pub mod share;
+pub mod travelling;

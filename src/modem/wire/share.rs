@@ -7,7 +7,7 @@ use crate::packet::bytes::crc16;
 /// High two bits of a protected share.
 pub const SHARE: u8 = 0b01;
 /// Largest threshold of the first layer.
-pub const MAX_FIRST: usize = 16;
+pub const MAX_FIRST: usize = 8;
 /// Up to this many shares have short headers.
 const NARROW: usize = 16;
 
@@ -52,9 +52,9 @@ pub fn write(header: &Header, data: &[u8], share: &mut Vec<u8>) {
     let wide = packet.count > NARROW;
     let number = packet.number % NUMBERS;
     share.clear();
-    share.push(SHARE << 6 | packet.stream << 4 | (number >> 3) as u8);
+    share.push(SHARE << 6 | packet.stream << 4 | (number >> 4) as u8);
     let threshold = (packet.threshold - 1) as u8;
-    share.push(((number & 7) as u8) << 5 | u8::from(wide) << 4 | threshold);
+    share.push(((number & 0xF) as u8) << 4 | u8::from(wide) << 3 | threshold);
     let (index, last) = (*index as u8, (packet.count - 1) as u8);
     if wide {
         share.extend([index, last]);
@@ -75,7 +75,7 @@ pub fn read(share: &[u8]) -> Result<(Header, &[u8]), ModemError> {
     if first >> 6 != SHARE {
         return Err(ModemError::NotAFrame(first));
     }
-    let wide = second & 0x10 != 0;
+    let wide = second & 8 != 0;
     let (index, last, mut rest) = match rest {
         [last, rest @ ..] if wide => (third, *last, rest),
         _ if wide => return Err(cut(MIN_LEN)),
@@ -92,9 +92,9 @@ pub fn read(share: &[u8]) -> Result<(Header, &[u8]), ModemError> {
     }
     let packet = PacketHeader {
         stream: first >> 4 & 3,
-        number: u32::from(first & 0xF) << 3 | u32::from(second >> 5),
+        number: u32::from(first & 0xF) << 4 | u32::from(second >> 4),
         count: usize::from(last) + 1,
-        threshold: usize::from(second & 0xF) + 1,
+        threshold: usize::from(second & 7) + 1,
         chunk,
         others,
     };

@@ -1,6 +1,6 @@
 //! A blocked prior, `.nvsb`: a prior in blocks, for scenes that do not fit into the memory of a vehicle.
 //!
-//! The bytes: `docs/format/prior.md`. Each block is a compact prior of at most [`MAX_BLOCK`] splats. The head says
+//! The bytes: `docs/format/prior.md`. Each block has at most [`MAX_BLOCK`] splats in steps. The head says
 //! where each block lies in the file and in space, so that those that a camera can see are read without the others. A
 //! blocked prior has the identity of a prior of all its splats, in the order of the file. So one side of a link may
 //! hold it whole, and the other in blocks: their pictures have the same bytes.
@@ -14,17 +14,18 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::check::fault_of;
+use super::compact::Coded;
+use super::container::{Format, Head};
 use super::error::PriorError;
 use super::file_content::PriorFile;
 use super::identity::identity_of;
 use super::report::PriorFormat;
 use super::splats::Splats;
-use super::{CoordinateFrame, KeyFrames, PriorId, RenderOptions, compact};
+use super::{CoordinateFrame, Extras, PriorId, RenderOptions};
 use crate::coder_tables::Tables;
-use crate::image::Preprocessing;
+use head::BlockedHead;
 pub use head::{Block, MAGIC, MAX_BLOCK};
-use head::{Head, START};
-pub use write::{BlockedSummary, BlockedWriter, Extras};
+pub use write::{BlockedSummary, BlockedWriter};
 
 /// A blocked prior whose splats are read block by block. Its head is checked when it is opened, a block when it is
 /// read.
@@ -32,27 +33,24 @@ pub use write::{BlockedSummary, BlockedWriter, Extras};
 pub struct BlockedPrior {
     file: File,
     path: PathBuf,
-    head: Head,
+    head: BlockedHead,
 }
 
 impl BlockedPrior {
     /// Opens a blocked prior and reads its head. The file must stay as it is, as long as it is open.
     pub fn open(path: &Path) -> Result<BlockedPrior, PriorError> {
-        let in_file = |error: PriorError| error.in_file(&path.display().to_string());
-        let unread = |error| in_file(PriorError::Read(error));
-        let file = File::open(path).map_err(unread)?;
-        let size = file.metadata().map_err(unread)?.len();
-        let mut start = [0; START];
-        if size < START as u64 {
-            let needed = START as u128;
-            return Err(in_file(PriorError::Truncated { needed, found: size as usize }));
-        }
-        file.read_exact_at(&mut start, 0).map_err(unread)?;
-        let bytes = Head::bytes_of(&start, size).map_err(in_file)?;
-        let mut head = vec![0; bytes];
-        file.read_exact_at(&mut head, 0).map_err(unread)?;
-        let head = Head::read(&head, size).map_err(in_file)?;
-        Ok(BlockedPrior { file, path: path.to_owned(), head })
+        let read = || {
+            let file = File::open(path).map_err(PriorError::Read)?;
+            let size = file.metadata().map_err(PriorError::Read)?.len();
+            let mut start = vec![0; size.min(Head::BYTES as u64) as usize];
+            file.read_exact_at(&mut start, 0).map_err(PriorError::Read)?;
+            let end = Head::read(&start, Format::Blocked, size)?.end;
+            let mut parts = vec![0; end as usize];
+            file.read_exact_at(&mut parts, 0).map_err(PriorError::Read)?;
+            let head = BlockedHead::read(&parts, size)?;
+            Ok(BlockedPrior { file, path: path.to_owned(), head })
+        };
+        read().map_err(|error: PriorError| error.in_file(&path.display().to_string()))
     }
 
     /// Whether the file at `path` begins as a blocked prior does.
@@ -108,19 +106,14 @@ impl BlockedPrior {
         self.head.radius
     }
 
-    /// Where to look for a lost camera; possibly none.
-    pub fn key_frames(&self) -> &KeyFrames {
-        &self.head.besides.key_frames
-    }
-
     /// The scene coder tables; `None`: the generic tables are used.
     pub fn coder_tables(&self) -> Option<&Tables> {
-        self.head.besides.coder_tables.as_ref()
+        self.head.coder_tables.as_ref()
     }
 
-    /// How the pictures that it was trained on were treated.
-    pub fn preprocessing(&self) -> &Preprocessing {
-        &self.head.besides.preprocessing
+    /// What it holds that changes no picture.
+    pub fn extras(&self) -> &Extras {
+        &self.head.extras
     }
 
     /// Reads and checks the splats of a block. Takes memory by the size of the block. Any thread may call it.
@@ -138,48 +131,42 @@ impl BlockedPrior {
 
 /// Reads a blocked prior whole. Memory depends on the content's size, as for a compact prior.
 pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    let size = bytes.len() as u64;
-    let truncated = PriorError::Truncated { needed: START as u128, found: bytes.len() };
-    let start: &[u8; START] = bytes.first_chunk().ok_or(truncated)?;
-    let head = Head::read(&bytes[..Head::bytes_of(start, size)?], size)?;
+    let head = BlockedHead::read(bytes, bytes.len() as u64)?;
     let mut splats = Splats { sh_degree: head.sh_degree, ..Splats::default() };
     for (index, block) in head.blocks.iter().enumerate() {
         let own = &bytes[block.offset as usize..][..block.bytes as usize];
         splats.append(&mut head.splats_of(index, own)?);
     }
-    let tables = head.besides.coder_tables.as_ref();
-    let found = identity_of(&splats, &head.options, tables, Some(&head.frame));
+    let tables = head.coder_tables.as_ref();
+    let found = identity_of(&splats, &head.options, Some(&head.frame), tables);
     if found != head.id {
         return Err(PriorError::Identity { stated: head.id, found });
     }
     Ok(PriorFile {
-        splats,
-        options: head.options,
-        format: PriorFormat::Blocked,
-        comments: Vec::new(),
-        key_frames: head.besides.key_frames,
-        coder_tables: head.besides.coder_tables,
-        preprocessing: head.besides.preprocessing,
+        coder_tables: head.coder_tables,
         frame: Some(head.frame),
+        extras: head.extras,
+        ..PriorFile::new(splats, head.options, PriorFormat::Blocked)
     })
 }
 
-impl Head {
+impl BlockedHead {
     /// The splats of a block, from its bytes. Checks all that pictures by blocks rely on.
     fn splats_of(&self, index: usize, bytes: &[u8]) -> Result<Splats, PriorError> {
-        let in_block = |error| PriorError::InBlock { block: index, error: Box::new(error) };
-        let file = compact::read(bytes).map_err(in_block)?;
-        let splats = file.splats;
         let block = &self.blocks[index];
-        let same = file.options == self.options
-            && splats.sh_degree == self.sh_degree
-            && splats.len() == block.splats as usize;
-        let fault = match same {
-            false => Some("its options, degree or number of splats are not those of the head"),
-            true => self.lies(block, &splats),
+        let read = || {
+            let (stated, found) = (block.check, crc32fast::hash(bytes));
+            if stated != found {
+                return Err(PriorError::Damaged { stated, found });
+            }
+            let (at, count) = (block.offset as usize, block.splats as usize);
+            let splats = Coded::read(bytes, at, count, self.sh_degree)?.splats();
+            match self.lies(block, &splats) {
+                Some(reason) => Err(head::refusal(at, reason.into())),
+                None => Ok(splats),
+            }
         };
-        let wrong = |reason: &str| head::refusal(block.offset as usize, reason.into());
-        fault.map_or(Ok(splats), |reason| Err(in_block(wrong(reason))))
+        read().map_err(|error| PriorError::InBlock { block: index, error: Box::new(error) })
     }
 
     /// What the head says of a block's splats, and is not true.

@@ -1,12 +1,7 @@
+use super::super::container::{Container, PartName};
 use super::super::tests::sample_splats;
-use super::super::{Prior, RenderOptions, RenderOverrides};
+use super::super::{Extras, Prior, RenderOptions, RenderOverrides, with_extras};
 use super::*;
-
-const NO_EXTRAS: Extras = Extras {
-    key_frames: &KeyFrames::NONE,
-    coder_tables: None,
-    preprocessing: &Preprocessing::NONE,
-};
 
 /// A prior of splats along a line, and its blocked form in blocks of 8.
 fn sample() -> (Prior, Vec<u8>, BlockedSummary) {
@@ -18,8 +13,7 @@ fn sample() -> (Prior, Vec<u8>, BlockedSummary) {
     let prior = Prior::from_splats(splats, RenderOptions::INRIA).unwrap();
     let mut bytes = Vec::new();
     let writer = BlockedWriter { block: 8, ..BlockedWriter::default() };
-    let summary =
-        writer.write(prior.splats(), prior.options(), &NO_EXTRAS, &mut bytes, &mut |_| ()).unwrap();
+    let summary = writer.write(prior.splats(), &prior.besides(), &mut bytes, &mut |_| ()).unwrap();
     (prior, bytes, summary)
 }
 
@@ -31,12 +25,13 @@ fn opened(bytes: &[u8]) -> (tempfile::NamedTempFile, Result<BlockedPrior, PriorE
     (file, blocked)
 }
 
-/// With the check of the head as it should be.
-fn checked(mut bytes: Vec<u8>) -> Vec<u8> {
-    let head = u32::from_le_bytes(*bytes[8..].first_chunk().unwrap()) as usize;
-    let check = crc32fast::hash(&bytes[..head - 4]);
-    bytes[head - 4..head].copy_from_slice(&check.to_le_bytes());
-    bytes
+/// With the part of the blocks changed.
+fn changed(bytes: &[u8], change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut file = Container::read(bytes, Format::Blocked).unwrap();
+    let mut content = file.part(PartName::BLOCKS).unwrap().content.to_vec();
+    change(&mut content);
+    file.set(PartName::BLOCKS, Some(content));
+    [file.to_bytes(), bytes[file.head.end as usize..].to_vec()].concat()
 }
 
 #[test]
@@ -60,30 +55,46 @@ fn a_site_is_the_prior_of_its_blocks() {
 #[test]
 fn what_a_head_says_must_be_true() {
     let (_, bytes, _) = sample();
-    let entry = 68;
-    // The box, the longest splat, the number of splats, the radius, the clamp's flag.
-    let shrink = |at: usize| {
-        let mut bytes = bytes.clone();
-        bytes[at..at + 4].copy_from_slice(&1e-6_f32.to_le_bytes());
-        checked(bytes)
-    };
-    for at in [entry + 20, entry + 32, 64] {
-        let (_file, blocked) = opened(&shrink(at));
+    let entry = 5;
+    // The box, the longest splat, the radius.
+    for at in [entry + 24, entry + 36, 0] {
+        let small = 1e-6_f32.to_le_bytes();
+        let other = changed(&bytes, |content| content[at..at + 4].copy_from_slice(&small));
+        let (_file, blocked) = opened(&other);
         let first = blocked.and_then(|blocked| blocked.read_block(0));
         assert!(first.is_err(), "byte {at}");
-        let whole = Prior::from_bytes(&shrink(at), "blocked", &RenderOverrides::default());
+        let whole = Prior::from_bytes(&other, "blocked", &RenderOverrides::default());
         assert!(whole.is_err(), "byte {at}");
     }
+    let fewer = changed(&bytes, |content| content.truncate(entry + 40));
+    assert!(opened(&fewer).1.is_err(), "bytes behind the last block");
     let mut other = bytes.clone();
-    other[12] ^= 1;
-    let whole = Prior::from_bytes(&checked(other), "blocked", &RenderOverrides::default());
+    let head = Head::read(&bytes, Format::Blocked, u64::MAX).unwrap();
+    let head = Head { id: PriorId(head.id.0 ^ 1), ..head };
+    other[..Head::BYTES].copy_from_slice(&head.to_bytes());
+    let whole = Prior::from_bytes(&other, "blocked", &RenderOverrides::default());
     assert!(whole.unwrap_err().to_string().contains("not"), "another identity");
+}
+
+#[test]
+fn extras_are_put_in_and_taken_out() {
+    let (_, bytes, summary) = sample();
+    let doubt = (0..summary.splats).map(|splat| splat as u8).collect();
+    let extras = Extras { doubt: Some(doubt), record: Some("r".into()), ..Extras::default() };
+    let with = with_extras(&bytes, &extras).unwrap();
+    let (_file, blocked) = opened(&with);
+    let blocked = blocked.unwrap();
+    assert_eq!((blocked.extras(), blocked.id()), (&extras, summary.id));
+    blocked.read_block(blocked.blocks().len() - 1).unwrap();
+    let whole = Prior::from_bytes(&with, "blocked", &RenderOverrides::default()).unwrap();
+    assert_eq!((whole.extras(), whole.id()), (&extras, summary.id));
+    assert_eq!(with_extras(&with, &Extras::default()).unwrap(), bytes);
 }
 
 #[test]
 fn damage_is_found() {
     let (_, bytes, _) = sample();
-    let head = u32::from_le_bytes(*bytes[8..].first_chunk().unwrap()) as usize;
+    let head = Head::read(&bytes, Format::Blocked, u64::MAX).unwrap().end as usize;
     for at in 0..head {
         let mut other = bytes.clone();
         other[at] ^= 16;
@@ -95,7 +106,7 @@ fn damage_is_found() {
     let mut other = bytes.clone();
     other[head + 80] ^= 1;
     let error = opened(&other).1.unwrap().read_block(0).unwrap_err().to_string();
-    assert!(error.contains("block 0"), "{error}");
+    assert!(error.contains("block 0") && error.contains("damaged"), "{error}");
 }
 
 #[test]

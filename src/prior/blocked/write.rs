@@ -2,13 +2,12 @@
 
 use std::io::Write;
 
-use super::super::compact::{self, Besides, Quantisation};
+use super::super::compact::{Coded, Quantisation};
+use super::super::container::{Format, Head, PartName};
 use super::super::identity::identity_of;
-use super::super::{CoordinateFrame, KeyFrames, PriorError, PriorId, RenderOptions, Splats};
+use super::super::{Besides, CoordinateFrame, PriorError, PriorId, RenderOptions, Splats};
 use super::divide::{divide, longest_log_scale};
-use super::head::{Block, Head, MAX_BLOCK, typical_edge};
-use crate::coder_tables::Tables;
-use crate::image::Preprocessing;
+use super::head::{Block, MAX_BLOCK, blocks_to_bytes, typical_edge};
 use crate::shared::ALPHA_MIN;
 
 /// How a blocked prior is written.
@@ -27,17 +26,6 @@ impl Default for BlockedWriter {
     fn default() -> BlockedWriter {
         BlockedWriter { quantisation: Quantisation::default(), block: 4096 }
     }
-}
-
-/// What a blocked prior holds besides splats.
-#[derive(Clone, Copy, Debug)]
-pub struct Extras<'a> {
-    /// Where to look for a lost camera; possibly none.
-    pub key_frames: &'a KeyFrames,
-    /// The scene's own coder tables.
-    pub coder_tables: Option<&'a Tables>,
-    /// How the pictures that it was trained on were treated.
-    pub preprocessing: &'a Preprocessing,
 }
 
 /// What was written.
@@ -78,18 +66,58 @@ impl BlockedWriter {
     pub fn write(
         &self,
         splats: &Splats,
-        options: &RenderOptions,
-        extras: &Extras,
+        besides: &Besides,
         mut writer: impl Write,
         done: &mut dyn FnMut(usize),
     ) -> Result<BlockedSummary, PriorError> {
-        splats.check_shape()?;
-        if splats.is_empty() {
-            return Err(PriorError::Empty);
-        }
+        besides.check(splats)?;
         if self.block == 0 || self.block > MAX_BLOCK {
             return Err(PriorError::BlockSize { size: self.block, most: MAX_BLOCK });
         }
+        let position = (NARROWER * self.quantisation.position).min(1.0);
+        let quantisation = Quantisation { position, ..self.quantisation };
+        quantisation.check()?;
+        let Coding { kept, order, blocks, bytes } =
+            Coding::of(splats, self.block, &quantisation, done)?;
+        let (options, unseen) = (besides.options, splats.len() - kept.len());
+        let frame = frame_of(&kept, &blocks);
+        let id = identity_of(&kept, options, Some(&frame), besides.coder_tables);
+        let extras = besides.extras.reordered(&order);
+        let besides = Besides { frame: Some(&frame), extras: &extras, ..*besides };
+        let mut file = besides.file(Head::new(Format::Blocked, kept.sh_degree, kept.len(), id));
+        let clamps_alpha = (0..kept.len()).any(|index| is_clamped(&kept, index, options));
+        let radius = frame.radius_of(&kept.positions);
+        file.set(PartName::BLOCKS, Some(blocks_to_bytes(radius, clamps_alpha, &blocks)));
+        let head = file.to_bytes();
+        let written = writer.write_all(&head).and_then(|()| writer.write_all(&bytes));
+        written.and_then(|()| writer.flush()).map_err(PriorError::Write)?;
+        Ok(BlockedSummary {
+            id,
+            splats: kept.len(),
+            unseen,
+            blocks: blocks.len(),
+            bytes: (head.len() + bytes.len()) as u64,
+        })
+    }
+}
+
+/// Splats in blocks.
+struct Coding {
+    /// As readers get them.
+    kept: Splats,
+    /// Which of the splats given stands at each place.
+    order: Vec<u32>,
+    blocks: Vec<Block>,
+    bytes: Vec<u8>,
+}
+
+impl Coding {
+    fn of(
+        splats: &Splats,
+        most: usize,
+        quantisation: &Quantisation,
+        done: &mut dyn FnMut(usize),
+    ) -> Result<Coding, PriorError> {
         let sh_degree = splats.needed_sh_degree();
         let visible = |i: &u32| splats.opacity(*i as usize) as f32 >= ALPHA_MIN;
         let mut shown: Vec<u32> = (0..splats.len() as u32).filter(visible).collect();
@@ -97,47 +125,22 @@ impl BlockedWriter {
             // A blocked prior has one splat at least; this one shows nothing.
             shown.push(0);
         }
-        let position = (NARROWER * self.quantisation.position).min(1.0);
-        let quantisation = Quantisation { position, ..self.quantisation };
-        let unseen = splats.len() - shown.len();
-        let (mut coded, mut kept) = (Vec::new(), Splats { sh_degree, ..Splats::default() });
-        let mut blocks = Vec::new();
-        for which in divide(splats, shown, self.block) {
-            let own = splats.picked(&which, sh_degree);
-            let first = coded.len();
-            let none = KeyFrames::NONE;
-            compact::write(&own, options, &none, &quantisation, &mut coded)?;
-            let mut own = compact::read(&coded[first..])?.splats;
-            blocks.push(Block::of(&own, (coded.len() - first) as u32));
-            kept.append(&mut own);
-            done(kept.len());
-        }
-        let frame = frame_of(&kept, &blocks);
-        let head = Head {
-            sh_degree,
-            options: *options,
-            clamps_alpha: (0..kept.len()).any(|index| is_clamped(&kept, index, options)),
-            splats: kept.len(),
-            id: identity_of(&kept, options, extras.coder_tables, Some(&frame)),
-            frame,
-            radius: frame.radius_of(&kept.positions),
-            blocks,
-            besides: Besides {
-                preprocessing: *extras.preprocessing,
-                key_frames: extras.key_frames.clone(),
-                coder_tables: extras.coder_tables.cloned(),
-            },
+        let mut coding = Coding {
+            kept: Splats { sh_degree, ..Splats::default() },
+            order: Vec::new(),
+            blocks: Vec::new(),
+            bytes: Vec::new(),
         };
-        let first = head.to_bytes();
-        let written = writer.write_all(&first).and_then(|()| writer.write_all(&coded));
-        written.and_then(|()| writer.flush()).map_err(PriorError::Write)?;
-        Ok(BlockedSummary {
-            id: head.id,
-            splats: head.splats,
-            unseen,
-            blocks: head.blocks.len(),
-            bytes: (first.len() + coded.len()) as u64,
-        })
+        for which in divide(splats, shown, most) {
+            let (coded, places) = Coded::of(&splats.picked(&which, sh_degree), quantisation)?;
+            let (mut own, bytes) = (coded.splats(), coded.to_bytes()?);
+            coding.blocks.push(Block::of(&own, &bytes));
+            coding.kept.append(&mut own);
+            coding.order.extend(places.iter().map(|place| which[*place as usize]));
+            coding.bytes.extend(bytes);
+            done(coding.kept.len());
+        }
+        Ok(coding)
     }
 }
 
@@ -160,8 +163,8 @@ fn frame_of(splats: &Splats, blocks: &[Block]) -> CoordinateFrame {
 }
 
 impl Block {
-    /// The block of these splats, of which there is at least one, in so many bytes. Its place in the file is open.
-    fn of(splats: &Splats, bytes: u32) -> Block {
+    /// The block of these splats, of which there is at least one, in these bytes. Its place in the file is open.
+    fn of(splats: &Splats, bytes: &[u8]) -> Block {
         let (mut least, mut greatest) = (splats.positions[0], splats.positions[0]);
         for position in &splats.positions {
             for axis in 0..3 {
@@ -169,7 +172,14 @@ impl Block {
                 greatest[axis] = greatest[axis].max(position[axis]);
             }
         }
-        let count = splats.len() as u32;
-        Block { splats: count, least, greatest, longest: longest(splats), bytes, offset: 0 }
+        Block {
+            splats: splats.len() as u32,
+            least,
+            greatest,
+            longest: longest(splats),
+            bytes: bytes.len() as u32,
+            check: crc32fast::hash(bytes),
+            offset: 0,
+        }
     }
 }

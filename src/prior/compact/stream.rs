@@ -1,9 +1,4 @@
-//! The coded part of a compact prior as one LZMA stream: positions along the Morton curve, then the
-//! columns, one byte plane after another.
-
-use std::io::{Read, Write};
-
-use lzma_rust2::{LzmaOptions, LzmaReader, LzmaWriter};
+//! Splats in steps as byte planes: positions along the Morton curve, then the columns.
 
 /// Added to the code of a coordinate before its bits are interleaved.
 const BIAS: i32 = 1 << 29;
@@ -14,9 +9,6 @@ const BITS: u32 = 30;
 /// Bytes of a step along the curve, and of a number in a column.
 const RANK_BYTES: usize = 12;
 const NUMBER_BYTES: usize = 4;
-
-/// Largest window of the coder, bytes; smaller if there is less to code.
-const WINDOW: usize = 1 << 26;
 
 /// Where a position lies on the Morton curve, from its codes of magnitude below 2²⁹.
 pub fn rank(code: [i32; 3]) -> u128 {
@@ -37,8 +29,8 @@ pub fn unrank(rank: u128) -> [i32; 3] {
     })
 }
 
-/// Codes ranks, which do not fall, and columns of as many numbers.
-pub fn pack(ranks: &[u128], columns: &[Vec<i32>]) -> std::io::Result<Vec<u8>> {
+/// The planes of ranks, which do not fall, and columns of as many numbers.
+pub fn planes(ranks: &[u128], columns: &[Vec<i32>]) -> Vec<u8> {
     let mut planes = Vec::with_capacity(size(ranks.len(), columns.len()));
     let before = std::iter::once(&0).chain(ranks);
     let steps: Vec<u128> = ranks.iter().zip(before).map(|(rank, before)| rank - before).collect();
@@ -50,24 +42,11 @@ pub fn pack(ranks: &[u128], columns: &[Vec<i32>]) -> std::io::Result<Vec<u8>> {
             planes.extend(column.iter().map(|v| (fold_sign(*v) >> (8 * byte)) as u8));
         }
     }
-    let mut options = LzmaOptions::with_preset(9);
-    (options.lc, options.lp, options.pb) = (0, 0, 0);
-    options.dict_size = window(planes.len());
-    let mut writer = LzmaWriter::new_no_header(Vec::new(), &options, false)?;
-    writer.write_all(&planes)?;
-    writer.finish()
+    planes
 }
 
-/// Reads `count` ranks and as many numbers of each column.
-pub fn unpack(
-    bytes: &[u8],
-    count: usize,
-    columns: usize,
-) -> std::io::Result<(Vec<u128>, Vec<Vec<i32>>)> {
-    let size = size(count, columns);
-    let mut reader = LzmaReader::new(bytes, size as u64, 0, 0, 0, window(size), None)?;
-    let mut planes = vec![0; size];
-    reader.read_exact(&mut planes)?;
+/// The `count` ranks and as many numbers of each column.
+pub fn numbers(planes: &[u8], count: usize) -> (Vec<u128>, Vec<Vec<i32>>) {
     let (steps, numbers) = planes.split_at(RANK_BYTES * count);
     let mut rank = 0_u128;
     let ranks = (0..count).map(|i| {
@@ -83,15 +62,12 @@ pub fn unpack(
         };
         (0..count).map(number).collect()
     });
-    Ok((ranks, columns.collect()))
+    (ranks, columns.collect())
 }
 
-fn size(count: usize, columns: usize) -> usize {
+/// Bytes of all planes.
+pub fn size(count: usize, columns: usize) -> usize {
     count * (RANK_BYTES + NUMBER_BYTES * columns)
-}
-
-fn window(size: usize) -> u32 {
-    size.clamp(1 << 12, WINDOW) as u32
 }
 
 /// 0, −1, 1, −2, … as 0, 1, 2, 3, …

@@ -1,15 +1,17 @@
 use proptest::prelude::*;
 
 use super::super::key_frames::tests::sample_key_frames;
-use super::super::tables_file::tests::sample_tables;
-use super::super::tests::sample_splats;
-use super::super::{CoordinateFrame, Fault, INFINITE_LOGIT, PartSource, Prior, RenderOverrides};
+use super::super::tests::{bare, sample_splats, sample_tables};
+use super::super::{
+    CoordinateFrame, Fault, INFINITE_LOGIT, Prior, RenderOptions, RenderOverrides,
+    with_coder_tables, with_extras,
+};
 use super::*;
-use crate::image::Clahe;
+use crate::coder_tables::Tables;
 
 fn written(splats: &Splats, options: &RenderOptions, q: &Quantisation) -> (PriorId, Vec<u8>) {
     let mut bytes = Vec::new();
-    let id = write(splats, options, &KeyFrames::NONE, q, &mut bytes).unwrap();
+    let id = write(splats, &bare(options), q, &mut bytes).unwrap();
     (id, bytes)
 }
 
@@ -18,24 +20,24 @@ fn sample(count: usize) -> (PriorId, Vec<u8>) {
     written(&sample_splats(count, 1), &RenderOptions::INRIA, &Quantisation::default())
 }
 
-/// Writes a file with key frames.
-fn sample_with_key_frames(count: usize) -> (PriorId, Vec<u8>) {
-    let (splats, key_frames) = (sample_splats(count, 1), sample_key_frames(5));
-    let (options, q, mut bytes) = (RenderOptions::INRIA, Quantisation::default(), Vec::new());
-    (write(&splats, &options, &key_frames, &q, &mut bytes).unwrap(), bytes)
+fn open(bytes: &[u8]) -> Prior {
+    Prior::from_bytes(bytes, "p.nvsg", &RenderOverrides::default()).unwrap()
 }
 
-/// The same with coder tables, too.
-fn sample_with_tables(count: usize) -> (PriorId, Vec<u8>) {
-    let (_, bytes) = sample_with_key_frames(count);
-    let bytes = with_coder_tables(&bytes, Some(&sample_tables(1))).unwrap();
-    let prior = Prior::from_bytes(&bytes, "p.nvsg", &RenderOverrides::default()).unwrap();
-    (prior.id(), bytes)
+/// One of everything.
+fn sample_extras(splats: usize) -> Extras {
+    Extras {
+        key_frames: sample_key_frames(5),
+        doubt: Some((0..splats).map(|splat| splat as u8).collect()),
+        record: Some("a record".into()),
+        ..Extras::default()
+    }
 }
 
-/// The content with a check that fits.
-fn checked(content: &[u8]) -> Vec<u8> {
-    [content, &crc32fast::hash(content).to_le_bytes()].concat()
+/// The file with what a reader must find changed in its head.
+fn forged(bytes: &[u8], change: impl FnOnce(Head) -> Head) -> Vec<u8> {
+    let head = change(Head::read(bytes, Format::Compact, u64::MAX).unwrap());
+    [&head.to_bytes()[..], &bytes[Head::BYTES..]].concat()
 }
 
 /// Splats of any kind that a prior may hold, from random words.
@@ -107,7 +109,7 @@ fn opened_by_content_as_the_prior_that_was_written() {
         for count in [1, 2, 50] {
             let splats = sample_splats(count, degree);
             let (id, bytes) = written(&splats, &options, &Quantisation::default());
-            let prior = Prior::from_bytes(&bytes, "p.nvsg", &RenderOverrides::default()).unwrap();
+            let prior = open(&bytes);
             assert_eq!((prior.id(), prior.len()), (id, count));
             assert_eq!(*prior.options(), options);
             assert_eq!(prior.report().format, PriorFormat::Compact);
@@ -138,7 +140,7 @@ fn invalid_splats_and_senseless_steps_are_named() {
     let attempt = |change: fn(&mut Splats), q: &Quantisation| {
         let mut splats = sample_splats(5, 1);
         change(&mut splats);
-        write(&splats, &RenderOptions::INRIA, &KeyFrames::NONE, q, Vec::new()).unwrap_err()
+        write(&splats, &bare(&RenderOptions::INRIA), q, Vec::new()).unwrap_err()
     };
     let q = Quantisation::default();
     let error = attempt(|s| s.positions[3][1] = f32::NAN, &q);
@@ -157,165 +159,130 @@ fn invalid_splats_and_senseless_steps_are_named() {
     }
 }
 
-/// Files of the version before key frames, and what they hold.
 #[test]
-fn files_without_key_frames_are_as_they_ever_were() {
-    #[rustfmt::skip]
-    let first = [
-        110, 118, 115, 103, 1, 0, 0, 0, 1, 0, 0, 0, 30, 17, 250, 37, 10, 215, 35, 60, 164, 112, 125, 63,
-        0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 128, 61, 0, 0, 0, 62, 0, 0, 64, 62, 244, 255, 255, 255,
-        0, 0, 128, 57, 143, 194, 117, 61, 66, 96, 229, 59, 10, 215, 163, 61, 10, 215, 35, 61, 205, 204,
-        76, 61, 0, 0, 108, 65, 77, 241, 22, 60, 216, 57, 124, 21, 64, 233, 123, 69, 18, 24, 27, 103, 10,
-        223, 21, 234, 93, 120, 179, 92,
-    ];
-    assert!(read(&first).unwrap().key_frames.is_empty());
-    for (degree, count, size, id, hash) in [
-        (
-            0,
-            1,
-            104,
-            0x25fa_111e,
-            "fb7ae52f9b5a6fd75f36df8dc0a24ac2b2a9d9679f98f9612b96b72b4e181d85",
-        ),
-        (
-            1,
-            7,
-            226,
-            0xfc7a_8116,
-            "c6d4d55aafa2d1a31048350175c827f1cf11e4732f4c39afdcfda127ccaebff9",
-        ),
-        (
-            3,
-            300,
-            1910,
-            0x8ea5_bb9d,
-            "329861d415afa1e04aedc941e3759878772d92878bb6c18028f728b766266ee9",
-        ),
-    ] {
-        let splats = sample_splats(count, degree);
-        let written = written(&splats, &RenderOptions::GSPLAT, &Quantisation::default());
-        assert_eq!((written.0, written.1.len()), (PriorId(id), size));
-        assert_eq!(blake3::hash(&written.1).to_hex().as_str(), hash, "{degree}, {count}");
-        assert!(count > 1 || written.1 == first);
+fn splats_that_are_kept_exactly_keep_their_identity() {
+    for degree in 0..=3 {
+        let (splats, options) = (sample_splats(40, degree), RenderOptions::GSPLAT);
+        let foreign = Prior::from_splats(splats, options).unwrap();
+        let extras = sample_extras(40);
+        let foreign = foreign.with_extras(extras.clone()).unwrap();
+        let mut bytes = Vec::new();
+        let id = write_exact(foreign.splats(), &foreign.besides(), &mut bytes).unwrap();
+        let own = open(&bytes);
+        assert_eq!((id, own.id()), (foreign.id(), foreign.id()));
+        assert_eq!(own.splats(), foreign.splats());
+        assert_eq!((&own.extras().doubt, &own.extras().record), (&extras.doubt, &extras.record));
+        every_cut_is_noticed(&bytes);
     }
 }
 
 #[test]
-fn key_frames_travel_with_the_splats_and_change_nothing_of_them() {
+fn extras_travel_with_the_splats_and_change_nothing_of_them() {
     let (id, without) = sample(7);
-    let (same, with) = sample_with_key_frames(7);
-    assert_eq!((same, with.len()), (id, without.len() + 28 + 10 * 5));
-    assert_eq!(read(&with).unwrap().splats, read(&without).unwrap().splats);
-    let prior = Prior::from_bytes(&with, "p.nvsg", &RenderOverrides::default()).unwrap();
-    assert_eq!((prior.id(), prior.key_frames().len()), (id, 5));
-    // Put in, replaced and taken out of a file.
-    assert_eq!(with_key_frames(&without, &sample_key_frames(5)).unwrap(), with);
-    assert_eq!(with_key_frames(&with, prior.key_frames()).unwrap(), with);
-    assert_eq!(with_key_frames(&with, &KeyFrames::NONE).unwrap(), without);
-    assert!(matches!(
-        with_key_frames(&with[1..], &KeyFrames::NONE),
-        Err(PriorError::UnknownFormat)
-    ));
+    let with = with_extras(&without, &sample_extras(7)).unwrap();
+    let prior = open(&with);
+    assert_eq!((prior.id(), prior.splats()), (id, open(&without).splats()));
+    assert_eq!(prior.key_frames().len(), 5);
+    assert_eq!(prior.extras().doubt, sample_extras(7).doubt);
+    // Put in again, and taken out.
+    assert_eq!(with_extras(&with, prior.extras()).unwrap(), with);
+    assert_eq!(with_extras(&with, &Extras::default()).unwrap(), without);
+    let refused = with_extras(&without, &sample_extras(6));
+    assert!(matches!(refused, Err(PriorError::Shape { array: "doubt", .. })));
+    assert!(matches!(with_extras(&with[1..], prior.extras()), Err(PriorError::UnknownFormat)));
+}
+
+#[test]
+fn doubt_follows_its_splat() {
+    let mut splats = sample_splats(60, 0);
+    for (i, position) in splats.positions.iter_mut().enumerate() {
+        *position = [(i * 37 % 60) as f32, 0.0, 0.0];
+    }
+    let doubt = splats.positions.iter().map(|position| position[0] as u8).collect();
+    let extras = Extras { doubt: Some(doubt), ..Extras::default() };
+    let besides = Besides { extras: &extras, ..bare(&RenderOptions::INRIA) };
+    let mut bytes = Vec::new();
+    write(&splats, &besides, &Quantisation::default(), &mut bytes).unwrap();
+    let prior = open(&bytes);
+    assert_ne!(prior.splats().positions, splats.positions);
+    let doubt = prior.extras().doubt.as_ref().unwrap();
+    for (position, doubt) in prior.splats().positions.iter().zip(doubt) {
+        assert_eq!(position[0].round() as u8, *doubt);
+    }
 }
 
 #[test]
 fn coder_tables_travel_with_the_splats_and_name_another_prior() {
-    let (id, without) = sample_with_key_frames(7);
+    let (id, without) = sample(7);
+    let without = with_extras(&without, &sample_extras(7)).unwrap();
     let tables = sample_tables(1);
     let with = with_coder_tables(&without, Some(&tables)).unwrap();
-    assert_eq!(with.len(), without.len() + 4 + Tables::encoded_len());
-    let open = |bytes: &[u8]| Prior::from_bytes(bytes, "p", &RenderOverrides::default()).unwrap();
     let (plain, prior) = (open(&without), open(&with));
-    assert_eq!((prior.splats(), prior.key_frames()), (plain.splats(), plain.key_frames()));
+    assert_eq!((prior.splats(), prior.extras()), (plain.splats(), plain.extras()));
     assert_eq!(prior.coder_tables().map(|t| &**t), Some(&tables));
-    assert_eq!(prior.report().coder_tables, PartSource::InFile);
     assert!(plain.coder_tables().is_none() && plain.id() == id && prior.id() != id);
-    assert_eq!(plain.clone().with_coder_tables(Some(tables.clone())).id(), prior.id());
-    // They can be replaced and removed, and a change of the key frames leaves them alone.
+    assert_eq!(plain.with_coder_tables(Some(tables.clone())).id(), prior.id());
+    // They can be replaced and removed.
     let other = with_coder_tables(&with, Some(&sample_tables(2))).unwrap();
     assert!(open(&other).id() != id && open(&other).id() != prior.id());
     assert_eq!(with_coder_tables(&other, Some(&tables)).unwrap(), with);
     assert_eq!(with_coder_tables(&with, None).unwrap(), without);
-    let bare = with_key_frames(&with, &KeyFrames::NONE).unwrap();
-    assert_eq!((open(&bare).id(), bare.len()), (prior.id(), with.len() - 28 - 10 * 5));
-    assert_eq!(with_key_frames(&bare, prior.key_frames()).unwrap(), with);
     assert!(matches!(with_coder_tables(&with[1..], None), Err(PriorError::UnknownFormat)));
-    assert!(matches!(with_coder_tables(&with[..90], None), Err(PriorError::Damaged { .. })));
-}
-
-#[test]
-fn coder_tables_that_are_none_are_named_by_their_place() {
-    let (_, bytes) = sample_with_tables(4);
-    let at = Header::BYTES + 28 + 10 * 5;
-    let error = |change: &dyn Fn(&mut [u8])| {
-        let mut content = bytes[..bytes.len() - CHECK].to_vec();
-        change(&mut content[at..]);
-        read(&checked(&content)).unwrap_err()
-    };
-    let magic = error(&|b| b[4] = b'n');
-    assert!(matches!(magic, PriorError::Field { offset, .. } if offset == at as u64 + 4));
-    assert!(matches!(error(&|b| b[..4].fill(255)), PriorError::Truncated { .. }));
     // A weight more or less is another prior.
-    assert!(matches!(error(&|b| b[100] ^= 1), PriorError::Identity { .. }));
-}
-
-#[test]
-fn unknown_flags_are_refused() {
-    let mut content = sample(4).1[..70].to_vec();
-    content[7] = 8;
-    content.resize(200, 0);
-    let error = read(&checked(&content)).unwrap_err();
-    assert!(matches!(error, PriorError::Field { offset: 6, .. }), "{error}");
+    let mut changed = tables.write();
+    changed[100] ^= 1;
+    let changed = with_coder_tables(&with, Some(&Tables::read(&changed).unwrap())).unwrap();
+    let changed = forged(&changed, |head| Head { id: prior.id(), ..head });
+    assert!(matches!(read(&changed), Err(PriorError::Identity { .. })));
 }
 
 #[test]
 fn every_flipped_bit_and_every_cut_is_noticed() {
-    every_damage_is_noticed(&sample(4).1);
-    every_damage_is_noticed(&sample_with_key_frames(4).1);
-    let preprocessing = Preprocessing { clahe: Some(Clahe::default()), ..Preprocessing::NONE };
-    every_damage_is_noticed(&with_preprocessing(&sample(4).1, &preprocessing).unwrap());
-}
-
-#[test]
-fn every_damage_to_the_coder_tables_is_noticed() {
-    every_damage_is_noticed(&sample_with_tables(4).1);
-}
-
-fn every_damage_is_noticed(bytes: &[u8]) {
+    let (_, bytes) = sample(4);
     for bit in 0..bytes.len() * 8 {
-        let mut damaged = bytes.to_vec();
+        let mut damaged = bytes.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
         assert!(read(&damaged).is_err(), "bit {bit}");
     }
+    every_cut_is_noticed(&bytes);
+}
+
+fn every_cut_is_noticed(bytes: &[u8]) {
     for length in 0..bytes.len() {
         assert!(read(&bytes[..length]).is_err(), "{length} bytes");
     }
-    assert!(matches!(read(&[bytes, &[0]].concat()), Err(PriorError::Damaged { .. })));
+    assert!(read(&[bytes, &[0]].concat()).is_err());
 }
 
 #[test]
 fn another_prior_under_the_same_name_is_noticed() {
     let (id, bytes) = sample(4);
-    let mut content = bytes[..bytes.len() - CHECK].to_vec();
-    content[20] ^= 1; // The clamp of alpha, in its last bit.
-    let error = read(&checked(&content)).unwrap_err();
-    assert!(matches!(error, PriorError::Identity { stated, .. } if stated == id), "{error}");
+    let other = forged(&bytes, |head| Head { id: PriorId(id.0 ^ 1), ..head });
+    let error = read(&other).unwrap_err();
+    assert!(matches!(error, PriorError::Identity { found, .. } if found == id), "{error}");
 }
 
 #[test]
 fn forged_counts_are_refused() {
-    let (_, bytes) = sample_with_key_frames(4);
-    // A wrong count of key frames: the rest of the file is too short for them, or makes no splats.
-    for count in [0, 4, 6, 65_536, u32::MAX] {
-        let mut content = bytes[..bytes.len() - CHECK].to_vec();
-        content[76..80].copy_from_slice(&u32::to_le_bytes(count));
-        assert!(read(&checked(&content)).is_err(), "{count}");
-    }
     for count in [u32::MAX, 1 << 20, 1000] {
-        let mut content = bytes[..bytes.len() - CHECK].to_vec();
-        content[8..12].copy_from_slice(&count.to_le_bytes());
-        let error = read(&checked(&content)).unwrap_err();
-        assert!(matches!(error, PriorError::Truncated { .. }), "{error}");
+        let error = read(&forged(&sample(4).1, |h| Head { splats: count, ..h })).unwrap_err();
+        assert!(error.to_string().contains("truncated"), "{error}");
+    }
+    let none = read(&forged(&sample(4).1, |head| Head { splats: 0, ..head }));
+    assert!(matches!(none, Err(PriorError::Empty)));
+    for degree in [0, 2, 4] {
+        assert!(read(&forged(&sample(4).1, |h| Head { sh_degree: degree, ..h })).is_err());
+    }
+}
+
+#[test]
+fn a_file_without_splats_or_options_is_refused() {
+    let (_, bytes) = sample(4);
+    for (part, text) in [(PartName::SPLATS, "splats"), (PartName::OPTIONS, "options")] {
+        let mut file = Container::read(&bytes, Format::Compact).unwrap();
+        file.set(part, None);
+        let error = read(&file.to_bytes()).unwrap_err();
+        assert!(error.to_string().contains(&format!("no part \"{text}\"")), "{error}");
     }
 }
 
@@ -337,21 +304,17 @@ proptest! {
     }
 
     #[test]
-    fn arbitrary_content_is_an_error(
-        header in proptest::collection::vec(any::<u8>(), Header::BYTES),
-        stream in proptest::collection::vec(any::<u8>(), 0..300),
+    fn arbitrary_splats_are_an_error(
+        content in proptest::collection::vec(any::<u8>(), 0..300),
         forged in any::<bool>(),
-        parts in 0..3,
+        exact in any::<bool>(),
     ) {
-        let sample = match parts {
-            0 => sample(20).1,
-            1 => sample_with_key_frames(20).1,
-            _ => sample_with_tables(20).1,
-        };
-        let header = if forged { sample[..Header::BYTES].to_vec() } else { header };
-        let mut content = [&header[..], &stream[..]].concat();
-        content[..4].copy_from_slice(MAGIC);
-        prop_assert!(read(&checked(&content)).is_err());
+        let (_, bytes) = sample(20);
+        let mut file = Container::read(&bytes, Format::Compact).unwrap();
+        let own = file.part(PartName::SPLATS).unwrap().content[..40].to_vec();
+        let content = if forged { [own, content].concat() } else { content };
+        file.set(if exact { PartName::EXACT } else { PartName::SPLATS }, Some(content));
+        prop_assert!(read(&file.to_bytes()).is_err());
     }
 
     #[test]

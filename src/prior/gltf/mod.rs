@@ -23,8 +23,7 @@ use placement::Placement;
 
 use super::limits::MAX_SPLATS;
 use super::spz::logit;
-use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
-use crate::image::Preprocessing;
+use super::{PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 
 pub use container::MAGIC;
 
@@ -53,16 +52,9 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     for (placement, columns) in placements.iter().zip(columns) {
         columns.append(placement, &mut splats);
     }
-    Ok(PriorFile {
-        splats,
-        options: RenderOptions::INRIA,
-        format: PriorFormat::Gltf,
-        comments: document.asset.generator.iter().map(|by| format!("generator {by}")).collect(),
-        key_frames: KeyFrames::NONE,
-        coder_tables: None,
-        preprocessing: Preprocessing::NONE,
-        frame: None,
-    })
+    let comments = document.asset.generator.iter().map(|by| format!("generator {by}")).collect();
+    let file = PriorFile::new(splats, RenderOptions::INRIA, PriorFormat::Gltf);
+    Ok(PriorFile { comments, ..file })
 }
 
 /// The numbers of a primitive's splats.

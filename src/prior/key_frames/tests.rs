@@ -1,8 +1,6 @@
 use glam::DQuat;
 use proptest::prelude::*;
 
-use super::super::tests::sample_splats;
-use super::super::{PartSource, Prior, RenderOptions, RenderOverrides};
 use super::*;
 
 /// Key frames of a winding run, `count` of them.
@@ -77,94 +75,22 @@ fn bounds_hold_all_cameras() {
 }
 
 #[test]
-fn what_is_no_file_of_key_frames_is_refused_by_line() {
-    let header = "qw,qx,qy,qz,tx,ty,tz\n";
-    let pose = "1,0,0,0,1,2,3\n";
-    for (text, line, reason) in [
-        (String::new(), 1, "must be qw,qx"),
-        ("qw,qx\n".into(), 1, "must be qw,qx"),
-        (pose.into(), 1, "must be qw,qx"),
-        (format!("{header}{pose}1,0,0,0,1,2\n"), 3, "fewer than 7 numbers"),
-        (format!("{header}{pose}1,0,0,0,1,2,3,4\n"), 3, "more than 7 numbers"),
-        (format!("{header}\n{pose}"), 2, "fewer than 7"),
-        (format!("{header}{pose}\n"), 3, "fewer than 7"),
-        (format!("{header}1,0,0,0,1,,3"), 2, "ty is no number: \"\""),
-        (format!("{header}1,0,x1,0,1,2,3"), 2, "qy is no number: \"x1\""),
-        (format!("{header}0,0,0,0,1,2,3"), 2, "no pose"),
-        (format!("{header}nan,0,0,0,1,2,3"), 2, "no pose"),
-        (format!("{header}1,0,0,0,1,inf,3"), 2, "no pose"),
-        (format!("{header}1,0,0,0,1e400,2,3"), 2, "no pose"),
-        (format!("{header}1,0,0,0,1e39,2,3"), 2, "farther"),
+fn words_that_are_no_pose_are_told_why() {
+    for (text, reason) in [
+        ("1 0 0 0 1 2", "fewer than 7 numbers"),
+        ("1 0 0 0 1 2 3 4", "more than 7 numbers"),
+        ("1 0 x1 0 1 2 3", "qy is no number: \"x1\""),
+        ("0 0 0 0 1 2 3", "no pose"),
+        ("nan 0 0 0 1 2 3", "no pose"),
+        ("1 0 0 0 1 inf 3", "no pose"),
+        ("1 0 0 0 1e400 2 3", "no pose"),
     ] {
-        let error = KeyFrames::from_csv(&text).unwrap_err().to_string();
-        assert!(error.starts_with(&format!("line {line}: ")), "{text}: {error}");
+        let words: Vec<&str> = text.split(' ').collect();
+        let error = pose_from_words(&words).unwrap_err();
         assert!(error.contains(reason), "{text}: {error}");
     }
-    let lenient = format!("{}2, 0 ,0,0,1,2,3", header.replace('\n', "\r\n"));
-    assert_eq!(
-        KeyFrames::from_csv(&lenient).unwrap().poses(),
-        [posed([-1.0, -2.0, -3.0], [0.0; 3])]
-    );
-    assert!(KeyFrames::from_csv(header).unwrap().is_empty());
-    let many = header.to_owned() + &pose.repeat(KeyFrames::MAX + 1);
-    let error = KeyFrames::from_csv(&many).unwrap_err().to_string();
-    assert_eq!(error, "line 65538: more than 65536 key frames");
-}
-
-/// A folder with `p.ply`, in which there are two key frames, and the prior's path.
-fn folder() -> (tempfile::TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("p.ply");
-    let mut bytes = Vec::new();
-    let splats = sample_splats(2, 0);
-    let write = super::super::ply::write_ply;
-    let (options, none) = (RenderOptions::INRIA, crate::image::Preprocessing::NONE);
-    write(&splats, &options, &sample_key_frames(2), &none, &mut bytes).unwrap();
-    std::fs::write(&path, bytes).unwrap();
-    (folder, path)
-}
-
-#[test]
-fn those_beside_a_prior_come_before_those_in_its_file() {
-    let (_folder, path) = folder();
-    let open = || Prior::open(&path, &RenderOverrides::default());
-    let prior = open().unwrap();
-    assert_eq!(prior.key_frames(), &sample_key_frames(2));
-    assert_eq!(prior.report().key_frames, PartSource::InFile);
-    let beside = KeyFrames::path_beside(&path);
-    assert!(beside.to_str().unwrap().ends_with("p.ply.keys"));
-    sample_key_frames(5).save(&beside).unwrap();
-    let with = open().unwrap();
-    assert_eq!(with.key_frames(), &sample_key_frames(5));
-    assert_eq!(with.report().key_frames, PartSource::Beside);
-    assert_eq!(with.id(), prior.id());
-    // In memory there is no file beside.
-    let bytes = std::fs::read(&path).unwrap();
-    let inside = Prior::from_bytes(&bytes, "p.ply", &RenderOverrides::default()).unwrap();
-    assert_eq!(inside.key_frames().len(), 2);
-    // A list of none is a list.
-    KeyFrames::NONE.save(&beside).unwrap();
-    assert_eq!(open().unwrap().report().key_frames, PartSource::Beside);
-    assert!(open().unwrap().key_frames().is_empty());
-    let other = open().unwrap().with_key_frames(sample_key_frames(3));
-    assert_eq!((other.key_frames().len(), other.id()), (3, prior.id()));
-    assert_eq!(other.report().key_frames, PartSource::Memory);
-}
-
-#[test]
-fn a_broken_file_beside_a_prior_is_named() {
-    let (_folder, path) = folder();
-    let beside = KeyFrames::path_beside(&path);
-    let error = || Prior::open(&path, &RenderOverrides::default()).unwrap_err().to_string();
-    std::fs::write(&beside, "qw,qx,qy,qz,tx,ty,tz\n1,0,0,0,a,0,0\n").unwrap();
-    assert!(error().ends_with("p.ply.keys: line 2: tx is no number: \"a\""), "{}", error());
-    std::fs::write(&beside, b"qw,qx,qy,qz,tx,ty,tz\n1,\xff").unwrap();
-    assert!(error().ends_with("p.ply.keys: line 2: no UTF-8 text"), "{}", error());
-    std::fs::write(&beside, vec![b' '; MAX_BYTES as usize + 1]).unwrap();
-    assert!(error().contains("p.ply.keys: too long"), "{}", error());
-    std::fs::remove_file(&beside).unwrap();
-    std::fs::create_dir(&beside).unwrap();
-    assert!(error().contains("p.ply.keys: no file"), "{}", error());
+    let longer = pose_from_words(&["2", "0", "0", "0", "1", "2", "3"]).unwrap();
+    assert_eq!(longer, posed([-1.0, -2.0, -3.0], [0.0; 3]));
 }
 
 /// Any pose that a key frame may be.
@@ -178,17 +104,10 @@ fn any_pose() -> impl Strategy<Value = Pose> {
 
 proptest! {
     #[test]
-    fn text_gives_back_every_bit(poses in proptest::collection::vec(any_pose(), 0..20)) {
-        let key_frames = KeyFrames::new(poses).unwrap();
-        prop_assert_eq!(&KeyFrames::from_csv(&key_frames.to_csv()).unwrap(), &key_frames);
-    }
-
-    #[test]
-    fn arbitrary_text_is_an_error_or_key_frames(text in any::<String>(), rows in "[-0-9.,e\n]{0,200}") {
-        prop_assert!(KeyFrames::from_csv(&text).is_err());
-        if let Ok(found) = KeyFrames::from_csv(&format!("qw,qx,qy,qz,tx,ty,tz\n{rows}")) {
-            prop_assert!(KeyFrames::new(found.poses().to_vec()).is_ok());
-        }
+    fn text_gives_back_every_bit(pose in any_pose()) {
+        let words = words(&pose);
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        prop_assert_eq!(pose_from_words(&words).unwrap(), pose);
     }
 
     #[test]

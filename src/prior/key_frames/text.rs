@@ -1,11 +1,11 @@
-//! Key frames as text: the CSV beside a prior, and the words of a comment.
+//! Key frames as the words of a comment.
 
 use crate::Pose;
 
-/// The first line of a file of key frames.
-pub const HEADER: &str = "qw,qx,qy,qz,tx,ty,tz";
+/// What the numbers are called.
+const NAMES: [&str; COLUMNS] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
 
-pub const COLUMNS: usize = 7;
+const COLUMNS: usize = 7;
 
 /// A quaternion whose length differs from 1 by less than this is kept bit for bit.
 const AS_IT_STANDS: f64 = 1e-12;
@@ -23,7 +23,7 @@ pub fn pose_from_words(words: &[&str]) -> Result<Pose, String> {
         return Err(format!("{found} than {COLUMNS} numbers"));
     }
     let mut numbers = [0.0; COLUMNS];
-    for ((number, word), name) in numbers.iter_mut().zip(words).zip(HEADER.split(',')) {
+    for ((number, word), name) in numbers.iter_mut().zip(words).zip(NAMES) {
         *number = word.parse().map_err(|_| format!("{name} is no number: \"{}\"", short(word)))?;
     }
     let [w, x, y, z, t @ ..] = numbers;

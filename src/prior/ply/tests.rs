@@ -147,7 +147,7 @@ fn a_preprocessing_stands_in_comments() {
         for clahe in [None, Some(Clahe::default()), Clahe::new(3.3, 5).ok()] {
             let preprocessing = Preprocessing { white_balance, clahe };
             let file = read_ply(&written(&preprocessing)).unwrap();
-            assert_eq!((file.preprocessing, &file.splats), (preprocessing, &splats));
+            assert_eq!((file.extras.preprocessing, &file.splats), (preprocessing, &splats));
             assert_eq!(file.options, RenderOptions::INRIA);
         }
     }
@@ -176,7 +176,7 @@ fn key_frames_stand_in_comments() {
     let (splats, key_frames) = (sample_splats(3, 0), sample_key_frames(4));
     let bytes = with_key_frames(&splats, &RenderOptions::GSPLAT, &key_frames);
     let file = read_ply(&bytes).unwrap();
-    assert_eq!((&file.key_frames, &file.splats), (&key_frames, &splats));
+    assert_eq!((&file.extras.key_frames, &file.splats), (&key_frames, &splats));
     assert_eq!(file.options, RenderOptions::GSPLAT);
     // The list of comments is for people.
     assert_eq!(file.comments.len(), 4);
@@ -189,7 +189,7 @@ fn key_frames_stand_in_comments() {
             .replace("element", &format!("comment nvsprior key_frame {comment}\nelement"));
         read_ply((text + "1 2 3 4 5 6 7 8 9 10 11 12 13 14\n").as_bytes())
     };
-    let found = lines("2 0 0 0  1 -2e0 3.5").unwrap().key_frames;
+    let found = lines("2 0 0 0  1 -2e0 3.5").unwrap().extras.key_frames;
     let expected = crate::Pose::from_wxyz([1.0, 0.0, 0.0, 0.0], [1.0, -2.0, 3.5]).unwrap();
     assert_eq!(found.poses(), [expected]);
     for bad in

@@ -16,8 +16,7 @@ use meta::{Meta, refusal};
 
 use super::limits::MAX_SPLATS;
 use super::spz::logit;
-use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
-use crate::image::Preprocessing;
+use super::{PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 
 pub use archive::MAGIC;
 
@@ -63,16 +62,9 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let opacities = colours.first(count).map(|[.., byte]| logit(f64::from(byte) / 255.0));
     splats.opacity_logits.extend(opacities);
     append_colours(&mut splats, &meta, &colours, &mut archive)?;
-    Ok(PriorFile {
-        splats,
-        options: RenderOptions { antialiased: meta.antialias, ..RenderOptions::INRIA },
-        format: PriorFormat::Sog,
-        comments: meta.asset.generator.iter().map(|by| format!("generator {by}")).collect(),
-        key_frames: KeyFrames::NONE,
-        coder_tables: None,
-        preprocessing: Preprocessing::NONE,
-        frame: None,
-    })
+    let options = RenderOptions { antialiased: meta.antialias, ..RenderOptions::INRIA };
+    let comments = meta.asset.generator.iter().map(|by| format!("generator {by}")).collect();
+    Ok(PriorFile { comments, ..PriorFile::new(splats, options, PriorFormat::Sog) })
 }
 
 /// Constant coefficients from `colours`, the others from the palette.

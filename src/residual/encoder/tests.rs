@@ -38,8 +38,8 @@ fn check_honest(coded: &CodedResidual, frame: &Picture, render: &Picture) {
 
 fn part_len(residual: &Residual) -> usize {
     match residual {
-        Residual::Coded { payload, .. } => residual_part_len(payload.len()),
-        _ => 0,
+        Residual::None | Residual::Omitted => 0,
+        coded => residual_part_len(coded.payload().len()),
     }
 }
 

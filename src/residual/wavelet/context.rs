@@ -87,7 +87,7 @@ impl<'a> BandContext<'a> {
             scale: frame.step.per_unit(geometry.norm(&band)),
             log_step: frame.step.log(),
             known: match frame.sees_render {
-                true if frame.has_blocks() || frame.has_displaced() => None,
+                true if frame.small_blocks.in_use || frame.has_displaced() => None,
                 sees_render => Some(sees_render),
             },
             frame,

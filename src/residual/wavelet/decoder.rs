@@ -1,7 +1,7 @@
 //! The topside's side: bytes as a difference picture.
 
 use crate::Picture;
-use crate::packet::{Coder, ResidualStart};
+use crate::packet::ResidualStart;
 
 use super::super::ResidualError;
 use super::bits::Reader;
@@ -30,8 +30,7 @@ pub struct Payload<'a> {
 impl<'a> Payload<'a> {
     /// One whose end is missing.
     pub(crate) fn of_start(start: &ResidualStart<'a>) -> Payload<'a> {
-        let small_blocks = start.coder == Coder::SmallBlocks;
-        Payload { bytes: start.payload, tail: Tail::Unknown, small_blocks }
+        Payload { bytes: start.payload, tail: Tail::Unknown, small_blocks: start.small_blocks }
     }
 }
 
@@ -137,12 +136,12 @@ impl WaveletDecoder {
         let WaveletDecoder { frame, predictors, pass, step } = self;
         *step = None;
         let mut decoder = RangeDecoder::new(payload.bytes, payload.tail);
-        let Frame { predicted, small_blocks, inter, .. } = frame;
+        let Frame { small_blocks, inter, .. } = frame;
         let is_inter = beside.is_some();
         let inter = inter.as_mut().filter(|_| is_inter);
         let fine =
             FineBlocks { plain: small_blocks, displaced: inter.map(|inter| &mut inter.displaced) };
-        let header = Header::read(predicted, fine, payload.small_blocks, &mut decoder);
+        let header = Header::read(fine, payload.small_blocks, &mut decoder);
         let Some(header) = header else {
             // If the end is missing, too little came. A whole payload says something that is not known here.
             return match payload.tail {

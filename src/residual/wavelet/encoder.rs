@@ -8,7 +8,6 @@ use crate::Picture;
 use super::super::interest::Interest;
 
 use super::bits::Writer;
-use super::blocks;
 use super::choose::Chooser;
 use super::colour;
 use super::context::BandContext;
@@ -51,8 +50,6 @@ pub struct WaveletEncoder {
     chooser: BlockChooser,
     /// For inter frames.
     displacements: Option<Box<DisplacementChooser>>,
-    /// Blocks that are not predicted may be small.
-    small_blocks: bool,
     /// That of the difference, if it was asked for.
     model: Option<Model>,
 }
@@ -76,7 +73,6 @@ impl WaveletEncoder {
             pass: Pass::new(&frame.geometry),
             chooser: BlockChooser::new(&frame.small_blocks.grids),
             displacements: None,
-            small_blocks: false,
             model: None,
             predictors: Predictors::new(tables, &Tables::stream()),
             frame,
@@ -97,9 +93,8 @@ impl WaveletEncoder {
         self.displacements.get_or_insert_with(chooser);
     }
 
-    /// Takes what a frame may be predicted from. `displaced`: chooses displaced blocks, if blocks may be small, as they
-    /// suit the step in use; whether there are any. If there are none, what was taken before holds. Either way, the
-    /// frame must be set again.
+    /// Takes what a frame may be predicted from. `displaced`: chooses displaced blocks, as they suit the step in use;
+    /// whether there are any. If there are none, what was taken before holds. Either way, the frame must be set again.
     pub fn set_earlier(
         &mut self,
         frame: &Picture,
@@ -108,12 +103,12 @@ impl WaveletEncoder {
         displaced: bool,
     ) -> bool {
         self.prepare_inter();
-        let WaveletEncoder { frame: coded, difference, displacements, small_blocks, .. } = self;
+        let WaveletEncoder { frame: coded, difference, displacements, .. } = self;
         let (Some(inter), Some(displacements)) = (&mut coded.inter, displacements) else {
             return false;
         };
         inter.displaced.clear();
-        if displaced && *small_blocks {
+        if displaced {
             set_difference(frame, render, difference);
             let pictures = Pictures { frame, render, difference, earlier };
             displacements.choose(&mut inter.displaced, &pictures, coded.step);
@@ -123,12 +118,6 @@ impl WaveletEncoder {
         }
         inter.set(&coded.geometry, earlier, render, &mut coded.scratch);
         inter.displaced.in_use
-    }
-
-    /// Sets whether blocks that are not predicted from the render may be small, from the next frame on. If so, they are
-    /// chosen by [`WaveletEncoder::choose_blocks`].
-    pub fn allow_small_blocks(&mut self, allowed: bool) {
-        self.small_blocks = allowed;
     }
 
     /// Whether the payload of the frame has small blocks.
@@ -144,16 +133,14 @@ impl WaveletEncoder {
         (plain + inter.map_or(0.0, |inter| inter.displaced.bits())) / 8.0
     }
 
-    /// Chooses what is predicted from the render as a step needs it, if blocks may be small.
+    /// Chooses what is predicted from the render as a step needs it.
     pub fn choose_blocks(&mut self, step: Step) {
-        if self.small_blocks {
-            self.frame.step = step;
-            self.pass.forget_render();
-            let had_blocks = !self.frame.is_all_predicted();
-            self.chooser.choose(&mut self.frame, &mut self.difference);
-            if had_blocks || !self.frame.is_all_predicted() {
-                self.model = None;
-            }
+        self.frame.step = step;
+        self.pass.forget_render();
+        let had_blocks = !self.frame.is_all_predicted();
+        self.chooser.choose(&mut self.frame, &mut self.difference);
+        if had_blocks || !self.frame.is_all_predicted() {
+            self.model = None;
         }
     }
 
@@ -195,10 +182,6 @@ impl WaveletEncoder {
         });
         coded.is_inter = pays != Pays::No;
         coded.predict_all();
-        if !self.small_blocks {
-            blocks::choose(coded, difference);
-            coded.weigh();
-        }
         pays
     }
 
@@ -207,12 +190,7 @@ impl WaveletEncoder {
     pub(super) fn predict_all(&mut self) -> bool {
         self.model = None;
         self.pass.forget_render();
-        if self.frame.small_blocks.in_use {
-            return take_back(&mut self.frame, &mut self.difference);
-        }
-        let changes = blocks::predict_all(&mut self.frame, &mut self.difference);
-        self.frame.predict_all();
-        changes
+        take_back(&mut self.frame, &mut self.difference)
     }
 
     /// A rough model of the frame, coded.
@@ -280,11 +258,11 @@ impl WaveletEncoder {
         let header = Header { cut, sees_render, step, finest, low_predicted };
         let max = bytes.capacity();
         let mut encoder = RangeEncoder::new(bytes, max);
-        let Frame { predicted, small_blocks, inter, is_inter, .. } = frame;
+        let Frame { small_blocks, inter, is_inter, .. } = frame;
         let inter = inter.as_mut().filter(|_| *is_inter);
         let fine =
             FineBlocks { plain: small_blocks, displaced: inter.map(|inter| &mut inter.displaced) };
-        header.write(predicted, fine, &mut encoder);
+        header.write(fine, &mut encoder);
         if let Some(inter) = frame.inter_in_use() {
             inter.write(&mut encoder);
         }

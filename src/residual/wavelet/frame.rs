@@ -13,9 +13,6 @@ use super::step::Step;
 pub struct Frame {
     pub geometry: Geometry,
     pub render: RenderBands,
-    /// Whether the details of a block of 64×64 pixels are predicted from the render, if there are no small blocks: for
-    /// each value of the coarsest low band, row by row.
-    pub predicted: Vec<bool>,
     /// The coarsest low band is predicted from the render, too; else from grey.
     pub low_predicted: bool,
     /// What says more finely what is predicted from the render, if it is in use.
@@ -37,10 +34,8 @@ impl Frame {
     /// For pictures of a size.
     pub fn new(width: u32, height: u32) -> Frame {
         let geometry = Geometry::new(width, height);
-        let (columns, rows) = geometry.sizes[geometry.levels];
         Frame {
             render: RenderBands::new(&geometry),
-            predicted: vec![true; columns * rows],
             low_predicted: true,
             small_blocks: SmallBlocks::new(&geometry),
             weights: vec![FULL; geometry.len()],
@@ -82,7 +77,6 @@ impl Frame {
 
     /// Predicts all from the render.
     pub fn predict_all(&mut self) {
-        self.predicted.fill(true);
         self.low_predicted = true;
         self.small_blocks.in_use = false;
         self.weights.fill(FULL);
@@ -90,12 +84,7 @@ impl Frame {
 
     /// Whether all is predicted from the render.
     pub fn is_all_predicted(&self) -> bool {
-        self.low_predicted && !self.has_blocks()
-    }
-
-    /// Whether the details of some blocks are not predicted from the render.
-    pub fn has_blocks(&self) -> bool {
-        self.small_blocks.in_use || self.predicted.contains(&false)
+        self.low_predicted && !self.small_blocks.in_use
     }
 
     /// Whether a coefficient's block is predicted from the render with its details.
@@ -104,36 +93,18 @@ impl Frame {
         if displaced.is_some_and(|displaced| displaced.is_displaced(band.level, x, y)) {
             return false;
         }
-        if self.small_blocks.in_use {
-            self.weights[band.offset + y * self.geometry.width + x] == FULL
-        } else {
-            self.predicted[self.geometry.block(band, x, y)]
-        }
+        !self.small_blocks.in_use || self.weights[band.offset + y * self.geometry.width + x] == FULL
     }
 
     /// Sets the weights by what the blocks say.
     pub fn weigh(&mut self) {
-        if self.is_all_predicted() {
-            self.weights.fill(FULL);
-            return;
-        }
         let Frame { geometry, weights, .. } = self;
-        if self.small_blocks.in_use {
-            self.small_blocks.weigh(geometry, weights);
+        match self.small_blocks.in_use {
+            true => self.small_blocks.weigh(geometry, weights),
+            false => weights.fill(FULL),
         }
-        for band in geometry.bands() {
-            if band.orientation != Orientation::Low && self.small_blocks.in_use {
-                continue;
-            }
-            for (y, row) in band.rows(geometry).enumerate() {
-                for (x, weight) in weights[row].iter_mut().enumerate() {
-                    let predicted = match band.orientation {
-                        Orientation::Low => self.low_predicted,
-                        _ => self.predicted[geometry.block(&band, x, y)],
-                    };
-                    *weight = if predicted { FULL } else { 0 };
-                }
-            }
-        }
+        let low = geometry.band(geometry.levels, Orientation::Low);
+        let weight = if self.low_predicted { FULL } else { 0 };
+        low.rows(geometry).for_each(|row| weights[row].fill(weight));
     }
 }

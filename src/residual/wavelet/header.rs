@@ -21,12 +21,10 @@ pub struct Header {
     pub low_predicted: bool,
 }
 
-/// Chances: that a stream is cut; that contexts do not see the render; that the low band is not predicted; that
-/// some blocks are not.
+/// Chances: that a stream is cut; that contexts do not see the render; that the low band is not predicted.
 const CUT: Probability = 1 << 14;
 const BLIND: Probability = 1 << 11;
 const LOW_PLAIN: Probability = 1 << 11;
-const SOME_BLOCKS: Probability = 1 << 12;
 /// Chances, if there are small blocks, that there are displaced ones; and then, that there are plain ones, too.
 const DISPLACED: Probability = 1 << 10;
 const ALSO_PLAIN: Probability = EVEN;
@@ -61,8 +59,8 @@ impl FineBlocks<'_> {
 }
 
 impl Header {
-    /// Writes it, and which blocks are predicted: the fine ones, if they are in use.
-    pub fn write(&self, blocks: &[bool], mut fine: FineBlocks, encoder: &mut RangeEncoder) {
+    /// Writes it, and the fine blocks if they are in use.
+    pub fn write(&self, mut fine: FineBlocks, encoder: &mut RangeEncoder) {
         encoder.put(self.cut, CUT);
         encoder.put(!self.sees_render, BLIND);
         encoder.put(!self.low_predicted, LOW_PLAIN);
@@ -72,18 +70,11 @@ impl Header {
         }
         if fine.in_use() {
             let _ = fine.code(encoder);
-            return;
-        }
-        let some = blocks.contains(&false);
-        encoder.put(some, SOME_BLOCKS);
-        if some {
-            write_blocks(blocks, encoder);
         }
     }
 
     /// Reads it. `has_fine`: the payload says something of fine blocks.
     pub fn read(
-        blocks: &mut [bool],
         mut fine: FineBlocks,
         has_fine: bool,
         decoder: &mut RangeDecoder,
@@ -96,7 +87,6 @@ impl Header {
         for level in &mut finest {
             *level = get_number(decoder, 3)? as usize;
         }
-        blocks.fill(true);
         fine.plain.in_use = has_fine;
         fine.displaced.iter_mut().for_each(|displaced| displaced.clear());
         if has_fine {
@@ -105,8 +95,6 @@ impl Header {
             if reader.has_ended {
                 return None;
             }
-        } else if decoder.get(SOME_BLOCKS)? {
-            read_blocks(blocks, decoder)?;
         }
         Some(Header { cut, sees_render, step, finest, low_predicted })
     }

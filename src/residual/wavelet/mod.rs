@@ -10,7 +10,6 @@
 mod adaptive_bit;
 mod bits;
 mod block_cost;
-mod blocks;
 mod budget;
 mod choose;
 mod coarser;

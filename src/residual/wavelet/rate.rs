@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::Picture;
-use crate::packet::{Coder, Reference, Residual, residual_part_len};
+use crate::packet::{Reference, Residual, residual_part_len, without_zeros};
 
 use super::super::interest::Interest;
 use super::super::rate::{Content, Rate, RateResult};
@@ -22,7 +22,7 @@ const MAX_PROBES: u32 = 10;
 /// A PSNR may lie above its target by this much, dB.
 const PSNR_SLACK: f64 = 0.05;
 /// Bytes of a reference, beyond those of an intra frame of a stream.
-const REFERENCE_BYTES: f64 = 2.0;
+const REFERENCE_BYTES: f64 = Reference::LEN as f64;
 /// Share of its bytes that an inter frame must save, if it is in doubt: an intra frame outlasts losses.
 const WORTH_INTER: f64 = 0.02;
 /// Share that displaced blocks must save beside the warped difference: what holds for one frame may not for the next.
@@ -188,11 +188,6 @@ impl RateEncoder {
         RateResult { content: Content::payload_if(coded), reached, probes: self.probes }
     }
 
-    /// Sets whether payloads may have small blocks, from the next frame on.
-    pub fn allow_small_blocks(&mut self, allowed: bool) {
-        self.encoder.allow_small_blocks(allowed);
-    }
-
     /// Sets which parts of the picture count more, from here on.
     pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
         self.encoder.set_interest(interest);
@@ -203,7 +198,7 @@ impl RateEncoder {
         let Coding { ref payload, small_blocks, ref reconstruction, psnr } = self.best;
         let stream = |reference| Residual::Stream { reference, small_blocks, payload };
         let residual = match self.kind {
-            FrameKind::AllIntra => Residual::Coded { coder: Coder::wavelet(small_blocks), payload },
+            FrameKind::AllIntra => Residual::Coded { small_blocks, payload },
             FrameKind::Intra => stream(None),
             FrameKind::Inter(reference) => stream(Some(reference)),
         };
@@ -219,13 +214,13 @@ impl RateEncoder {
                 self.take(frame, render, false, rate);
                 let is_stream = matches!(alone, FrameKind::Intra);
                 self.kind = if is_stream { FrameKind::Intra } else { FrameKind::AllIntra };
-                return if is_stream { Reference::encoded_len(None) } else { 0 };
+                return 0;
             }
         };
         let way = self.set_inter(frame, render, rate, &earlier);
         let reference = (way != Way::Alone).then_some(reference);
         self.kind = reference.map_or(FrameKind::Intra, FrameKind::Inter);
-        Reference::encoded_len(reference)
+        reference.map_or(0, |_| Reference::LEN)
     }
 
     /// Takes a frame that may be predicted from an earlier one, in the best way.
@@ -469,6 +464,8 @@ impl RateEncoder {
         self.write(true);
         let trial = &mut self.trial;
         trial.payload.truncate(max);
+        // No payload ends with a zero: a reader takes those for padding.
+        trial.payload.truncate(without_zeros(&trial.payload).len());
         trial.reconstruction.clone_from(render);
         // It fails only if the render is not the encoder's own.
         let _ = self.decoder.add_own(&self.encoder, &trial.payload, &mut trial.reconstruction);
@@ -481,11 +478,7 @@ impl RateEncoder {
 
 /// The longest payload whose residual part has at most `room` bytes.
 fn max_payload(room: usize) -> usize {
-    let mut max = room.saturating_sub(residual_part_len(0));
-    while max > 0 && residual_part_len(max) > room {
-        max -= 1;
-    }
-    max
+    room.saturating_sub(residual_part_len(0))
 }
 
 #[cfg(test)]

@@ -25,12 +25,14 @@ pub struct Sample {
 /// Codes frames, and shows what was coded.
 pub struct Sampler {
     encoder: WaveletEncoder,
+    has_small_blocks: bool,
 }
 
 impl Sampler {
     /// For pictures of a size, coded with tables.
     pub fn new(width: u32, height: u32, tables: &Tables) -> Sampler {
-        Sampler { encoder: WaveletEncoder::new(width, height, tables) }
+        let encoder = WaveletEncoder::new(width, height, tables);
+        Sampler { encoder, has_small_blocks: false }
     }
 
     /// For inter frames, too.
@@ -39,10 +41,9 @@ impl Sampler {
         self
     }
 
-    /// With small blocks, as packets in the short form have them.
-    pub fn with_small_blocks(mut self) -> Sampler {
-        self.encoder.allow_small_blocks(true);
-        self
+    /// Sets whether frames have small blocks from here on. At first they have none.
+    pub fn set_small_blocks(&mut self, has: bool) {
+        self.has_small_blocks = has;
     }
 
     /// The encoder.
@@ -52,7 +53,9 @@ impl Sampler {
 
     /// Codes the frame that the encoder was set to, and shows its coefficients in coding order.
     pub fn visit(&mut self, step: Step, mut visit: impl FnMut(Sample)) {
-        self.encoder.choose_blocks(step);
+        if self.has_small_blocks {
+            self.encoder.choose_blocks(step);
+        }
         self.encoder.choose(step, LAMBDA);
         self.encoder.show(|due, value, wanted| {
             let context = due.context;

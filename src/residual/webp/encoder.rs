@@ -1,7 +1,7 @@
 //! WebP at a rate: by quality, by a budget, or by the picture wanted.
 
 use crate::Picture;
-use crate::packet::{Coder, Residual, residual_part_len};
+use crate::packet::{Residual, residual_part_len};
 
 use super::super::difference::{add, difference_into};
 use super::super::rate::{Content, Rate, RateResult};
@@ -35,7 +35,7 @@ type Kept = (Content, bool);
 /// One coding of the difference picture.
 struct Probe {
     quality: f32,
-    coder: Coder,
+    whole: bool,
     payload: Vec<u8>,
     reconstruction: Picture,
     psnr: f64,
@@ -45,7 +45,7 @@ impl Probe {
     fn new(width: u32, height: u32) -> Probe {
         Probe {
             quality: 0.0,
-            coder: Coder::Vp8,
+            whole: false,
             payload: Vec::with_capacity(max_payload_len(width, height)),
             reconstruction: Picture::new(width, height),
             psnr: f64::NEG_INFINITY,
@@ -96,8 +96,8 @@ impl WebpEncoder {
 
     /// What was coded, the picture that it makes, and its PSNR, dB.
     pub fn coded(&self) -> (Residual<'_>, &Picture, f64) {
-        let Probe { coder, ref payload, ref reconstruction, psnr, .. } = self.best;
-        (Residual::Coded { coder, payload }, reconstruction, psnr)
+        let Probe { whole, ref payload, ref reconstruction, psnr, .. } = self.best;
+        (Residual::Webp { whole, payload }, reconstruction, psnr)
     }
 
     /// Codes at a quality; the outcome is in `trial`.
@@ -106,12 +106,12 @@ impl WebpEncoder {
         self.probes += 1;
         let trial = &mut self.trial;
         trial.quality = quality;
-        trial.coder = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
+        trial.whole = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
         let (width, height) = (frame.width, frame.height);
         if trial.payload.len() > max_payload_len(width, height) {
             return Err(ResidualError::Encode(format!("{} bytes", trial.payload.len())));
         }
-        self.webp.decode(trial.coder, &trial.payload, &mut self.decoded)?;
+        self.webp.decode(trial.whole, &trial.payload, &mut self.decoded)?;
         trial.reconstruction.data.copy_from_slice(&render.data);
         add(&self.decoded.data, &mut trial.reconstruction.data);
         trial.psnr = frame.psnr(&trial.reconstruction);

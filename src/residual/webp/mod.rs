@@ -15,12 +15,11 @@ mod encoder;
 mod libwebp;
 
 use crate::Picture;
-use crate::packet::{Coder, ResidualStart};
 
 use super::checks::check_shape;
 use super::{ResidualError, max_payload_len};
 pub(super) use encoder::WebpEncoder;
-use libwebp::{Arena, Lossy, decode_rgb, decode_rows, encode_rgb, features};
+use libwebp::{Arena, Lossy, decode_rgb, encode_rgb, features};
 
 /// Bytes of the container, and of the frame tag after it.
 const CONTAINER_LEN: usize = 20;
@@ -69,13 +68,13 @@ impl Webp {
             .ok_or(ResidualError::Payload("damaged VP8 frame"))
     }
 
-    /// Codes a picture, into `payload`, at a quality of 0 to 100.
+    /// Codes a picture, into `payload`, at a quality of 0 to 100. Returns whether that is a whole file.
     pub(super) fn encode(
         &mut self,
         picture: &Picture,
         quality: f32,
         payload: &mut Vec<u8>,
-    ) -> Result<Coder, ResidualError> {
+    ) -> Result<bool, ResidualError> {
         // One segment: more of them spend bits on errors that an eye would see, not on the largest errors
         // (docs/decisions.md, 4).
         self.encode_file(picture, quality, 1)?;
@@ -84,58 +83,31 @@ impl Webp {
         if strip(&self.file, width, height, payload, &mut self.rebuilt).is_none() {
             payload.clear();
             payload.extend_from_slice(&self.file);
-            return Ok(Coder::WebP);
+            return Ok(true);
         }
-        Ok(Coder::Vp8)
+        Ok(false)
     }
 
     /// Decodes what [`Webp::encode`] made, into a picture of its size.
     pub(super) fn decode(
         &mut self,
-        coder: Coder,
+        whole: bool,
         payload: &[u8],
         into: &mut Picture,
     ) -> Result<(), ResidualError> {
-        match coder {
-            Coder::WebP => self.decode_file(payload, into),
-            Coder::Vp8 => {
-                let mut file = std::mem::take(&mut self.rebuilt);
-                let built = rebuild(payload, payload.len(), into.width, into.height, &mut file);
-                let decoded = match built {
-                    Some(()) => self.decode_file(&file, into),
-                    None => Err(NO_FRAME),
-                };
-                self.rebuilt = file;
-                decoded
-            }
-            Coder::Wavelet | Coder::SmallBlocks => Err(OTHER_CODER),
+        if whole {
+            return self.decode_file(payload, into);
         }
-    }
-
-    /// Decodes the rows that the start of a payload holds. Returns their number.
-    pub(super) fn decode_start(
-        &mut self,
-        start: &ResidualStart,
-        into: &mut Picture,
-    ) -> Result<usize, ResidualError> {
-        check_shape(into)?;
-        let ResidualStart { coder, payload, payload_len, .. } = *start;
-        let file = match coder {
-            Coder::WebP => payload,
-            Coder::Vp8 => {
-                rebuild(payload, payload_len, into.width, into.height, &mut self.rebuilt)
-                    .ok_or(NO_FRAME)?;
-                &self.rebuilt
-            }
-            Coder::Wavelet | Coder::SmallBlocks => return Err(OTHER_CODER),
+        let mut file = std::mem::take(&mut self.rebuilt);
+        let decoded = match rebuild(payload, into.width, into.height, &mut file) {
+            Some(()) => self.decode_file(&file, into),
+            None => Err(NO_FRAME),
         };
-        check_file(file, into)?;
-        decode_rows(file, into.width, &mut into.data, &mut self.arena)
-            .ok_or(ResidualError::Payload("damaged VP8 frame"))
+        self.rebuilt = file;
+        decoded
     }
 }
 
-const OTHER_CODER: ResidualError = ResidualError::Payload("not of a WebP coder");
 const NO_FRAME: ResidualError =
     ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
 
@@ -170,16 +142,15 @@ fn strip(
     let partitions = file.get(CONTAINER_LEN + TAG_LEN + START_CODE.len() + 4..)?;
     payload.extend_from_slice(tag);
     payload.extend_from_slice(partitions.strip_suffix(&[0]).unwrap_or(partitions));
-    rebuild(payload, payload.len(), width, height, rebuilt)?;
+    rebuild(payload, width, height, rebuilt)?;
     (rebuilt == file).then_some(())
 }
 
-/// Writes the WebP file around a payload of `len` bytes. `payload` may be only its start. `None` if
-/// no such file can have this payload or this size.
-fn rebuild(payload: &[u8], len: usize, width: u32, height: u32, file: &mut Vec<u8>) -> Option<()> {
+/// Writes the WebP file around a payload. `None` if no such file can have this payload or this size.
+fn rebuild(payload: &[u8], width: u32, height: u32, file: &mut Vec<u8>) -> Option<()> {
     let (tag, partitions) = payload.split_at_checked(TAG_LEN)?;
     let side = |v: u32| u16::try_from(v).ok().filter(|v| *v < 1 << 14).map(u16::to_le_bytes);
-    let frame_len = len.checked_add(START_CODE.len() + 4)?;
+    let frame_len = payload.len().checked_add(START_CODE.len() + 4)?;
     let padding = frame_len % 2;
     let chunk_len = u32::try_from(frame_len + padding).ok()?;
     let riff_len = chunk_len.checked_add(12)?;
@@ -193,7 +164,7 @@ fn rebuild(payload: &[u8], len: usize, width: u32, height: u32, file: &mut Vec<u
     file.extend_from_slice(&side(width)?);
     file.extend_from_slice(&side(height)?);
     file.extend_from_slice(partitions);
-    if payload.len() == len && padding > 0 {
+    if padding > 0 {
         file.push(0);
     }
     Some(())
@@ -216,23 +187,23 @@ mod tests {
     fn coded(picture: &Picture, quality: f32) -> Vec<u8> {
         let mut payload = Vec::new();
         let mut webp = Webp::new(picture.width, picture.height);
-        assert_eq!(webp.encode(picture, quality, &mut payload), Ok(Coder::Vp8));
+        assert_eq!(webp.encode(picture, quality, &mut payload), Ok(false));
         payload
     }
 
     fn rebuilt(payload: &[u8], width: u32, height: u32) -> Vec<u8> {
         let mut file = Vec::new();
-        rebuild(payload, payload.len(), width, height, &mut file).unwrap();
+        rebuild(payload, width, height, &mut file).unwrap();
         file
     }
 
     fn decode(
-        coder: Coder,
+        whole: bool,
         payload: &[u8],
         (width, height): (u32, u32),
     ) -> Result<Picture, ResidualError> {
         let mut picture = Picture::new(width, height);
-        Webp::new(width, height).decode(coder, payload, &mut picture).map(|()| picture)
+        Webp::new(width, height).decode(whole, payload, &mut picture).map(|()| picture)
     }
 
     #[test]
@@ -245,8 +216,8 @@ mod tests {
                 assert!(payload.len() + 27 <= file.len());
                 let mut webp = Webp::new(width, height);
                 assert_eq!(webp.encode_file(&picture, quality, 1).unwrap(), file);
-                let ours = decode(Coder::Vp8, &payload, (width, height)).unwrap();
-                assert_eq!(decode(Coder::WebP, &file, (width, height)), Ok(ours));
+                let ours = decode(false, &payload, (width, height)).unwrap();
+                assert_eq!(decode(true, &file, (width, height)), Ok(ours));
             }
         }
     }
@@ -271,13 +242,13 @@ mod tests {
         let payload = coded(&picture, 50.0);
         let file = rebuilt(&payload, 16, 16);
         let size = ResidualError::Size { expected: (32, 16), found: (16, 16) };
-        assert_eq!(decode(Coder::WebP, &file, (32, 16)), Err(size));
+        assert_eq!(decode(true, &file, (32, 16)), Err(size));
         let image = image::RgbImage::from_raw(16, 16, picture.data.clone()).unwrap();
         let mut lossless = std::io::Cursor::new(Vec::new());
         image.write_to(&mut lossless, image::ImageFormat::WebP).unwrap();
-        let kind = decode(Coder::WebP, lossless.get_ref(), (16, 16));
+        let kind = decode(true, lossless.get_ref(), (16, 16));
         assert_eq!(kind, Err(ResidualError::Payload("not a plain lossy WebP picture")));
-        assert_eq!(decode(Coder::Vp8, &[1, 2], (16, 16)), Err(NO_FRAME));
+        assert_eq!(decode(false, &[1, 2], (16, 16)), Err(NO_FRAME));
         let mut webp = Webp::new(16, 16);
         let mut encode = |picture: &Picture| webp.encode(picture, 50.0, &mut Vec::new());
         assert!(encode(&Picture::new(0, 4)).is_err());
@@ -298,15 +269,8 @@ mod tests {
             let mut payload = Vec::with_capacity(max_payload_len(width, height));
             let before = [payload.capacity(), webp.file.capacity(), webp.rebuilt.capacity()];
             for quality in [0.0, 30.0, 100.0] {
-                let coder = webp.encode(&picture, quality, &mut payload).unwrap();
-                webp.decode(coder, &payload, &mut Picture::new(width, height)).unwrap();
-                let start = ResidualStart {
-                    coder,
-                    payload: &payload[..payload.len() / 2],
-                    payload_len: payload.len(),
-                    reference: None,
-                };
-                let _ = webp.decode_start(&start, &mut Picture::new(width, height));
+                let whole = webp.encode(&picture, quality, &mut payload).unwrap();
+                webp.decode(whole, &payload, &mut Picture::new(width, height)).unwrap();
             }
             let (peak, room) = (webp.arena.peak(), arena_len(width, height));
             assert!(peak > 0 && peak * 5 < room * 4, "{width}×{height}: {peak} of {room}");
@@ -316,52 +280,17 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_start_of_a_payload_gives_its_first_rows() {
-        let picture = sample(96, 80);
-        let payload = coded(&picture, 60.0);
-        let whole = decode(Coder::Vp8, &payload, (96, 80)).unwrap();
-        let mut webp = Webp::new(96, 80);
-        let mut last = 0;
-        for len in 0..payload.len() {
-            let start = ResidualStart {
-                coder: Coder::Vp8,
-                payload: &payload[..len],
-                payload_len: payload.len(),
-                reference: None,
-            };
-            let mut into = Picture::new(96, 80);
-            let Ok(rows) = webp.decode_start(&start, &mut into) else {
-                assert!(len < TAG_LEN + 4, "{len} bytes are refused");
-                continue;
-            };
-            assert!(rows >= last, "{len} bytes give {rows} rows, one less {last}");
-            assert_eq!(into.data[..rows * 96 * 3], whole.data[..rows * 96 * 3], "{len} bytes");
-            last = rows;
-        }
-        assert!((40..80).contains(&last), "{last} rows of all but the last byte");
-    }
-
     proptest! {
         #[test]
         fn arbitrary_payloads_never_panic(
             bytes in proptest::collection::vec(any::<u8>(), 0..300),
             tag in any::<bool>(),
-            more in 0usize..300,
         ) {
-            let _ = decode(Coder::WebP, &bytes, (16, 16));
+            let _ = decode(true, &bytes, (16, 16));
             // A plausible frame tag lets the rest reach the decoder's inner loops.
             let start: &[u8] = if tag { &[0x90, 0x01, 0x00] } else { &[] };
             let payload = [start, &bytes[..]].concat();
-            let _ = decode(Coder::Vp8, &payload, (16, 16));
-            let mut into = Picture::new(16, 16);
-            for coder in [Coder::Vp8, Coder::WebP] {
-                let payload_len = payload.len() + more;
-                let start = ResidualStart { coder, reference: None, payload: &payload, payload_len };
-                if let Ok(rows) = Webp::new(16, 16).decode_start(&start, &mut into) {
-                    prop_assert!(rows <= 16);
-                }
-            }
+            let _ = decode(false, &payload, (16, 16));
         }
 
         #[test]
@@ -373,7 +302,7 @@ mod tests {
                 let index = index.index(payload.len());
                 payload[index] = value;
             }
-            if let Ok(picture) = decode(Coder::Vp8, &payload, (40, 24)) {
+            if let Ok(picture) = decode(false, &payload, (40, 24)) {
                 prop_assert_eq!((picture.width, picture.height), (40, 24));
             }
         }

@@ -47,11 +47,9 @@ pub fn camera_of_width(width: u32) -> Camera {
     CAMERA.resized(width, (9 * width + 8) / 16)
 }
 
-/// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg.
+/// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg. Its doubt
+/// is in it.
 pub const PRIOR: &[u8] = include_bytes!("../prior.nvsg");
-
-/// How far its picture may be off, as `nvsprior map` wrote it beside the prior.
-pub const DOUBT: &[u8] = include_bytes!("../prior.nvsg.doubt");
 
 /// A place with a mapping run and inspection runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

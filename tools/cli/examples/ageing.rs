@@ -1,11 +1,11 @@
-//! How many bytes a frame takes as the site ages, and what learning and mapping anew do about it.
+//! How many bytes a frame takes as the site ages, and what streams and mapping anew do about it.
 //!
 //!     make ageing
 //!     cargo run --release -p nvsprior-cli --example ageing -- PROGRAM PRIOR OUT [FRAMES [RATE]]
 //!
 //! Five dives of the basin, 0 to 26 weeks after the mapping run, FRAMES (40) each at RATE (3) per second, 33 dB. Each
 //! way runs `nvsprior` as a person would. OUT gets a folder for each dive and way, `ageing.csv` and `ageing.svg`. Bytes
-//! are means per frame, with all updates that were sent. What is there already is not done again.
+//! are means per frame. What is there already is not done again.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -24,30 +24,16 @@ const PSNR: &str = "33";
 struct Way {
     name: &'static str,
     folder: &'static str,
-    /// Learns while diving.
-    learns: bool,
-    after: After,
+    /// Encodes as a stream.
+    is_stream: bool,
+    /// Trains the prior with each dive's pictures, for the next one.
+    maps: bool,
 }
 
-/// What is done with the prior after a dive.
-#[derive(Clone, Copy, PartialEq)]
-enum After {
-    Nothing,
-    Merge,
-    Map,
-}
-
-const WAYS: [Way; 5] = [
-    Way { name: "no update", folder: "none", learns: false, after: After::Nothing },
-    Way { name: "learning while diving", folder: "learning", learns: true, after: After::Nothing },
-    Way { name: "merged after each dive", folder: "merged", learns: true, after: After::Merge },
-    Way { name: "mapped after each dive", folder: "mapped", learns: false, after: After::Map },
-    Way {
-        name: "learning, and mapped after each",
-        folder: "both",
-        learns: true,
-        after: After::Map,
-    },
+const WAYS: [Way; 3] = [
+    Way { name: "intra frames", folder: "none", is_stream: false, maps: false },
+    Way { name: "a stream", folder: "stream", is_stream: true, maps: false },
+    Way { name: "mapped after each dive", folder: "mapped", is_stream: false, maps: true },
 ];
 
 /// The run of the program.
@@ -118,48 +104,35 @@ impl Site {
         self.run(&format!("demo --draw-only {what} --out {out}"), &self.cameras(dive))
     }
 
-    /// Encodes a dive; mean bytes of a frame, with all updates.
+    /// Encodes a dive; mean bytes of a frame.
     fn encode(&self, way: &Way, dive: usize, prior: &Path) -> anyhow::Result<f64> {
         let (folder, cameras) = (self.folder(dive, way.folder), self.cameras(dive));
-        let learn = if way.learns { "--learn" } else { "" };
+        let mode = if way.is_stream { "--mode stream" } else { "" };
         let summary = format!("{folder}/summary.json");
         let files = format!("--packets {folder} --summary {summary}");
         let input = format!("--prior {} --cameras {cameras}", prior.display());
-        self.run(&format!("encode {input} --psnr {PSNR} {learn} {files}"), &summary)?;
+        self.run(&format!("encode {input} --psnr {PSNR} {mode} {files}"), &summary)?;
         let summary = std::fs::read_to_string(summary)?;
         let summary: Value = serde_json::from_str(&summary)?;
         let frames = summary["frames"].as_array().context("no frames")?;
-        let number = |frame: &Value, name: &str| frame[name].as_f64().unwrap_or(f64::NAN);
-        let bytes = frames.iter().map(|f| number(f, "bytes") + number(f, "update_bytes"));
+        let bytes = frames.iter().map(|frame| frame["bytes"].as_f64().unwrap_or(f64::NAN));
         Ok(bytes.sum::<f64>() / frames.len() as f64)
     }
 
     /// The prior of the next dive.
     fn go_on(&self, way: &Way, dive: usize, prior: &Path) -> anyhow::Result<PathBuf> {
-        let folder = self.folder(dive, way.folder);
-        // What is mapped does not depend on what was learnt.
-        let mapped = PathBuf::from(format!("{}/next.nvsg", self.folder(dive, "mapped")));
-        let to = format!("{folder}/next.nvsg");
-        let (next, from) = (PathBuf::from(&to), prior.display());
-        match way.after {
-            After::Merge if Path::new(&format!("{folder}/dive.nvsu")).exists() => {
-                self.run(&format!("merge {from} {folder}/dive.nvsu --out {to}"), &to)?;
-                Ok(next)
-            }
-            After::Nothing | After::Merge => Ok(prior.to_path_buf()),
-            After::Map if way.learns => Ok(mapped),
-            After::Map => {
-                let cameras = self.cameras(dive);
-                let input = format!("--from {from} --cameras {cameras} --held-out 0");
-                self.run(&format!("map {input} --out {to}"), &to)?;
-                Ok(next)
-            }
+        if !way.maps {
+            return Ok(prior.to_path_buf());
         }
+        let next = format!("{}/next.nvsg", self.folder(dive, way.folder));
+        let input = format!("--from {} --cameras {}", prior.display(), self.cameras(dive));
+        self.run(&format!("map {input} --held-out 0 --out {next}"), &next)?;
+        Ok(next.into())
     }
 }
 
 fn table(curves: &[Vec<f64>]) -> String {
-    let names = WAYS.map(|way| way.name.replace(',', "")).join(",");
+    let names = WAYS.map(|way| way.name).join(",");
     let row = |(dive, weeks): (usize, u32)| {
         let bytes = curves.iter().map(|bytes| format!("{:.0}", bytes[dive]));
         format!("{weeks},{}\n", bytes.collect::<Vec<_>>().join(","))
@@ -175,7 +148,7 @@ fn draw(path: &Path, curves: &[Vec<f64>]) -> anyhow::Result<()> {
     let most = curves.iter().flatten().fold(1.0, |a: f64, b| a.max(*b));
     let weeks = f64::from(WEEKS[WEEKS.len() - 1]);
     let mut chart = ChartBuilder::on(&root)
-        .caption("Bytes of a frame at 33 dB as the site ages, updates counted", ("sans-serif", 20))
+        .caption("Bytes of a frame at 33 dB as the site ages", ("sans-serif", 20))
         .margin(16)
         .x_label_area_size(44)
         .y_label_area_size(64)

@@ -7,11 +7,8 @@
 
 mod pairs;
 
-use std::path::Path;
-
 use nvsprior::Engine;
 use nvsprior::coder_tables::Tables;
-use nvsprior::prior::filter_file;
 use nvsprior_train::filter::{FilterOptions, filter_examples, gains, train_filter};
 
 use pairs::Run;
@@ -39,6 +36,6 @@ fn main() -> anyhow::Result<()> {
         println!("{input:?}");
         gains(examples, &weights).iter().for_each(|gain| println!("  {gain:.2?}"));
     }
-    filter_file::save(&weights, Path::new(out))?;
+    std::fs::write(out, weights.write())?;
     Ok(())
 }

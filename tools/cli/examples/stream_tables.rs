@@ -68,7 +68,7 @@ fn run_of(
     let prior = Prior::open(Path::new(prior), &Default::default())?;
     let scene = engine.upload(&prior)?;
     let input = InputArgs {
-        cameras: cameras.into(),
+        cameras: Some(cameras.into()),
         split: Some(split.into()),
         limit: None,
         size: SizeArgs::default(),

@@ -3,17 +3,15 @@
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use nvsprior::Prior;
-use nvsprior::filter_weights::FilterWeights;
-use nvsprior::prior::blocked::{BlockedWriter, Extras, MAX_BLOCK};
+use nvsprior::prior::blocked::{BlockedWriter, MAX_BLOCK};
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{KeyFrames, Splats};
+use nvsprior::prior::{Besides, Extras, KeyFrames, Splats};
 
-use crate::container::FINENESS;
-use crate::{beside, row};
+use crate::container::{FINENESS, check_not_over};
+use crate::row;
 use nvsprior_inputs::args::{OverrideArgs, progress};
 use nvsprior_inputs::values;
 
@@ -51,25 +49,19 @@ fn blocked_file(text: &str) -> Result<PathBuf, String> {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &args.out)?;
+    args.priors.iter().try_for_each(|prior| check_not_over(prior, &args.out))?;
     let parts = Parts::read(args)?;
-    beside::check_filter(parts.filter.as_deref(), &args.out)?;
     let quantisation = Quantisation::default().scaled(args.coarseness);
     let writer = BlockedWriter { quantisation, block: args.block as usize };
-    let Parts { splats, first, key_frames, .. } = &parts;
-    let extras = Extras {
-        key_frames,
-        coder_tables: first.coder_tables().map(AsRef::as_ref),
-        preprocessing: first.preprocessing(),
-    };
+    let Parts { splats, first, extras } = &parts;
+    let besides = Besides { extras, ..first.besides() };
     // A file that is half written is never under the name that was asked for.
     let partial = args.out.with_added_extension("partial");
     let file = File::create(&partial).with_context(|| partial.display().to_string())?;
     let bar = progress(splats.len(), "splats");
     let mut done = |count: usize| bar.set_position(count as u64);
-    let options = first.options();
-    let written = writer.write(splats, options, &extras, BufWriter::new(file), &mut done);
+    let written = writer.write(splats, &besides, BufWriter::new(file), &mut done);
     let placed = written.map_err(anyhow::Error::from).and_then(|summary| {
-        beside::place_filter(parts.filter.as_deref(), &args.out)?;
         std::fs::rename(&partial, &args.out).with_context(|| args.out.display().to_string())?;
         Ok(summary)
     });
@@ -82,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     row("splats", format!("{}, and {} left out that show nothing", summary.splats, summary.unseen));
     row("blocks", summary.blocks.to_string());
     row("bytes/splat", format!("{:.2}", summary.bytes as f64 / summary.splats as f64));
-    row("key frames", key_frames.len().to_string());
+    row("key frames", extras.key_frames.len().to_string());
     Ok(())
 }
 
@@ -91,18 +83,16 @@ struct Parts {
     splats: Splats,
     /// The first part: its options, preprocessing and coder tables are those of all.
     first: Prior,
-    key_frames: KeyFrames,
-    /// The weights of the display filter, if all parts have the same.
-    filter: Option<Arc<FilterWeights>>,
+    /// Key frames and doubt of all; the display filter, the lens and the record if all have the same.
+    extras: Extras,
 }
 
 impl Parts {
     fn read(args: &Args) -> anyhow::Result<Parts> {
         let open = |path| Prior::open(path, &args.overrides.overrides());
         let first = open(&args.priors[0])?;
-        let mut splats = first.splats().clone();
+        let (mut splats, mut extras) = (first.splats().clone(), first.extras().clone());
         let mut poses = first.key_frames().poses().to_vec();
-        let mut filter = first.filter_weights().cloned();
         for path in &args.priors[1..] {
             let part = open(path)?;
             let same = |what: &str, same: bool| {
@@ -116,8 +106,15 @@ impl Parts {
             same("degree of spherical harmonics", part.splats().sh_degree == splats.sh_degree)?;
             splats.append(&mut part.splats().clone());
             poses.extend(part.key_frames().poses());
-            filter = filter.filter(|weights| part.filter_weights() == Some(weights));
+            let own = part.extras().clone();
+            extras.filter_weights =
+                extras.filter_weights.filter(|w| own.filter_weights.as_ref() == Some(w));
+            extras.lens = extras.lens.filter(|lens| own.lens.as_ref() == Some(lens));
+            extras.record = extras.record.filter(|record| own.record.as_ref() == Some(record));
+            let doubts = extras.doubt.zip(own.doubt);
+            extras.doubt = doubts.map(|(all, own)| [all, own].concat());
         }
-        Ok(Parts { splats, first, key_frames: KeyFrames::new(poses)?, filter })
+        extras.key_frames = KeyFrames::new(poses)?;
+        Ok(Parts { splats, first, extras })
     }
 }

@@ -2,12 +2,10 @@
 
 use std::path::Path;
 
-use nvsprior::RenderOptions;
-use nvsprior::coder_tables::Tables;
-use nvsprior::image::Preprocessing;
-use nvsprior::prior::blocked::{BlockedWriter, Extras};
+use anyhow::Context as _;
+use nvsprior::prior::blocked::BlockedWriter;
 use nvsprior::prior::compact::{self, Quantisation};
-use nvsprior::prior::{KeyFrames, PriorError, Splats, ply};
+use nvsprior::prior::{Besides, Extras, Splats, extras_file, ply, replace_file};
 
 /// Steps of a compact prior's quantisation, as multiples of the usual ones, which cost bytes of every packet
 /// (docs/decisions.md, 14).
@@ -35,35 +33,51 @@ impl Container {
         }
     }
 
-    /// The file's content. Coder tables are left out of a `.ply`: they are in a file beside it.
-    pub fn write(
-        self,
-        splats: &Splats,
-        options: &RenderOptions,
-        key_frames: &KeyFrames,
-        coder_tables: Option<&Tables>,
-        preprocessing: &Preprocessing,
-    ) -> Result<Vec<u8>, PriorError> {
+    /// The file's content. A `.ply` holds splats, options, key frames and preprocessing alone.
+    pub fn write(self, splats: &Splats, besides: &Besides) -> anyhow::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         match self {
             Container::Compact(quantisation) => {
-                compact::write(splats, options, key_frames, &quantisation, &mut bytes)?;
-                if coder_tables.is_some() {
-                    bytes = compact::with_coder_tables(&bytes, coder_tables)?;
-                }
-                if !preprocessing.is_none() {
-                    bytes = compact::with_preprocessing(&bytes, preprocessing)?;
-                }
+                compact::write(splats, besides, &quantisation, &mut bytes)?;
             }
             Container::Blocked(quantisation) => {
                 let writer = BlockedWriter { quantisation, ..BlockedWriter::default() };
-                let extras = Extras { key_frames, coder_tables, preprocessing };
-                writer.write(splats, options, &extras, &mut bytes, &mut |_| ())?;
+                writer.write(splats, besides, &mut bytes, &mut |_| ())?;
             }
             Container::Ply => {
-                ply::write_ply(splats, options, key_frames, preprocessing, &mut bytes)?
+                self.check_tables(besides.coder_tables.is_some())?;
+                let Extras { key_frames, preprocessing, .. } = besides.extras;
+                ply::write_ply(splats, besides.options, key_frames, preprocessing, &mut bytes)?
             }
         }
         Ok(bytes)
     }
+
+    /// Refuses a `.ply` for a prior with coder tables.
+    pub fn check_tables(self, tables: bool) -> anyhow::Result<()> {
+        let lost = tables && matches!(self, Container::Ply);
+        anyhow::ensure!(!lost, "a .ply holds no coder tables; write a .nvsg");
+        Ok(())
+    }
+
+    /// Writes the content to a file, or replaces it. What lies beside an earlier `.ply` is about that one.
+    pub fn save(self, path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+        replace_file(path, bytes)?;
+        let beside = extras_file::path_beside(path);
+        if matches!(self, Container::Ply) && beside.is_file() {
+            std::fs::remove_file(&beside).with_context(|| beside.display().to_string())?;
+        }
+        Ok(())
+    }
+}
+
+/// Refuses to write a prior over the one that it is made of.
+pub fn check_not_over(input: &Path, out: &Path) -> anyhow::Result<()> {
+    let same = matches!((input.canonicalize(), out.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    anyhow::ensure!(
+        !same,
+        "{}: what is written is another prior; give it another name",
+        out.display()
+    );
+    Ok(())
 }

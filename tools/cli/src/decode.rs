@@ -2,12 +2,11 @@
 
 mod doubt;
 mod truth;
-mod updates;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::keys::{Content, Refusal};
+use nvsprior::keys::Refusal;
 use nvsprior::packet::PacketError;
 use nvsprior::render::Scene;
 use nvsprior::{Decoded, Decoder, Error, Trust};
@@ -19,7 +18,6 @@ use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::values;
 use truth::TruthArgs;
-use updates::Updates;
 
 /// Decode packets to pictures, with the prior alone
 ///
@@ -39,24 +37,16 @@ pub struct Args {
     #[command(flatten)]
     truth: TruthArgs,
     /// Folder for what is known of each picture if it is memory, NAME.png: grey, a pixel for a block of 16×16. 0: the
-    /// prior is sure of it; 1: it is doubtful; 2: it was never mapped. Read from PRIOR.doubt
+    /// prior is sure of it; 1: it is doubtful; 2: it was never mapped. Read from the prior
     #[arg(long, value_name = "DIR")]
     doubt: Option<PathBuf>,
-    /// Filter the pictures by a small network, with the weights in PRIOR.filter (`nvsprior filter`), or with the
+    /// Filter the pictures by a small network, with the prior's weights (`nvsprior filter`), or with the
     /// library's. They look more like what the camera saw, if the network knows the scene
     #[arg(long)]
     filter: bool,
     /// The packets come from `nvsprior join`: of those that are not complete, show what came
     #[arg(long)]
     joined: bool,
-    /// Folder with updates of the prior, NAME.nvsu, as `encode --learn` writes them; each is taken after packet
-    /// NAME.nvsp. Or a dive.nvsu that holds them all [default: the packets' folder]
-    #[arg(long, value_name = "PATH")]
-    updates: Option<PathBuf>,
-    /// Go on from the updates of earlier dives: the dive.nvsu that was kept. If there are updates, all are kept in
-    /// dive.nvsu beside the pictures
-    #[arg(long, value_name = "FILE")]
-    learnt: Option<PathBuf>,
     /// Cameras that may have been sent in packets that did not arrive
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -75,13 +65,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     values::make_folder("--frames", &args.frames)?;
     args.truth.check()?;
     let engine = args.device.open()?;
-    let (scene, mut updates) = Updates::upload(args, keys.as_ref(), &engine, &packets)?;
-    let mut reader = FileReader::new(keys.as_ref(), Content::Packet);
+    let scene = args.prior.upload(&engine)?;
+    let mut reader = FileReader::new(keys.as_ref());
     let mut decoder = Decoder::new(&engine, &scene);
     decoder.set_filter(args.filter)?;
-    if let Some(updates) = &mut updates {
-        updates.begin(&mut decoder)?;
-    }
     if let Some(path) = &args.cameras {
         let size = args.width.map_or_else(SizeArgs::default, SizeArgs::of);
         for view in &CameraFile::open(path)?.views {
@@ -95,17 +82,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let folder = folder.map(|folder| DoubtFolder::new(folder, &engine, &args.prior));
     let mut doubt = folder.transpose()?;
     let bar = progress(packets.len(), "decoding");
-    let (mut failed, mut foreign, mut other, mut missing, mut filtered) = (0, 0, 0, 0, 0);
+    let (mut failed, mut foreign, mut other, mut filtered) = (0, 0, 0, 0);
     let mut strange = 0;
     for path in &packets {
         let read = reader.read(path);
-        let decoded = read.and_then(|packet| {
-            decode(&mut decoder, updates.as_mut(), doubt.as_mut(), (path, &packet), args)
-        });
+        let decoded =
+            read.and_then(|packet| decode(&mut decoder, doubt.as_mut(), (path, &packet), args));
         match decoded {
             Ok(decoded) => {
                 other += usize::from(decoded.same_render == Some(false));
-                missing += usize::from(decoded.missing_update.is_some());
                 filtered += usize::from(decoded.filtered);
             }
             Err(error) => {
@@ -117,16 +102,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 strange += usize::from(error.is::<Refusal>());
             }
         }
-        let taken = updates.as_mut().map_or(Ok(()), |updates| updates.after(&mut decoder, path));
-        if let Err(error) = taken {
-            bar.suspend(|| eprintln!("{error:#}"));
-        }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    if let Some(updates) = &mut updates {
-        updates.finish(&mut decoder)?;
-    }
     if failed > NAMED {
         eprintln!("and {} more", failed - NAMED);
     }
@@ -145,11 +123,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     if other > 0 {
         println!("{other} renders are not the vehicle's: its device or driver rounds differently");
-    }
-    if missing > 0 {
-        println!(
-            "{missing} pictures are renders without an update that the vehicle drew them with"
-        );
     }
     args.device.check(&engine)?;
     anyhow::ensure!(failed == 0, "{failed} of {} packets could not be decoded", packets.len());
@@ -181,15 +154,10 @@ fn if_foreign(scene: &Scene) -> String {
 
 fn decode(
     decoder: &mut Decoder,
-    updates: Option<&mut Updates>,
     doubt: Option<&mut DoubtFolder>,
     (path, packet): (&Path, &[u8]),
     args: &Args,
 ) -> anyhow::Result<Decoded> {
-    let taken = updates.map_or(Ok(()), |updates| updates.before(decoder, packet));
-    if let Err(error) = taken {
-        eprintln!("{error:#}");
-    }
     let trust = if args.joined { Trust::Start } else { Trust::Whole };
     let mut decoded = Decoded::default();
     decoder.decode_into(packet, trust, &mut decoded)?;

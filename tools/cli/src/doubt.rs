@@ -4,16 +4,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nvsprior::image::Preprocessor;
-use nvsprior::prior::Doubt;
+use nvsprior::prior::Extras;
 use nvsprior::truth::{BLOCK, THRESHOLDS};
 use nvsprior::{Camera, DoubtMap, DoubtView, Engine, Picture, Pose, Prior};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::{CameraFile, View};
-use nvsprior_inputs::{frame_file, values};
+use nvsprior_inputs::frame_file;
 use nvsprior_train::PosedPicture;
 use nvsprior_train::doubt::doubt_of;
 
 use crate::picture_renderer::PictureRenderer;
+use crate::prior_file::PriorFile;
 use crate::row;
 
 /// Write how far a prior's picture may be off, from the pictures that it was trained on
@@ -39,7 +40,8 @@ pub struct Args {
     check_split: Option<String>,
     #[command(flatten)]
     size: SizeArgs,
-    /// What to write [default: PRIOR.doubt, which is read with the prior]
+    /// A copy of the prior with its doubt in it: .nvsg, or .nvsb if the prior is one [default: it is put into PRIOR,
+    /// or, if that is of a foreign format, into PRIOR.nvsx, which is read with it]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -47,9 +49,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let out = args.out.clone().unwrap_or_else(|| Doubt::path_beside(&args.prior.prior));
-    values::check_file("--out", &out)?;
-    let prior = args.prior.open()?;
+    let file = PriorFile::open(&args.prior.prior, args.out.as_deref())?;
+    let prior = file.prior.clone().with_overrides(&args.prior.overrides.overrides())?;
     let pictures = args.pictures(&args.cameras, args.split.as_deref(), &prior)?;
     let checked = match &args.check {
         Some(file) => args.pictures(file, args.check_split.as_deref(), &prior)?,
@@ -59,13 +60,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let bar = progress(pictures.len(), "pictures");
     let posed = pictures.iter().map(|picture| (picture, picture.pose));
     let doubt = doubt_of(&engine, &prior, posed, &mut || bar.inc(1))?;
-    doubt.save(&out)?;
-    row("written", format!("{}, {} splats", out.display(), doubt.of_splats().len()));
     let sure = |doubt: &&u8| f32::from(**doubt) <= THRESHOLDS[0][0];
-    let (of, all) = (doubt.of_splats(), doubt.of_splats().len() as f64);
-    row("sure", percent(of.iter().filter(sure).count() as f64 / all));
+    let sure = doubt.iter().filter(sure).count() as f64 / doubt.len() as f64;
+    let extras = Extras { doubt: Some(doubt), ..prior.extras().clone() };
+    row("written", file.save_extras(&extras)?);
+    row("sure", percent(sure));
     if !checked.is_empty() {
-        Check::of(&engine, &prior, &doubt, &checked)?.print();
+        Check::of(&engine, &prior.with_extras(extras)?, &checked)?.print();
     }
     args.device.check(&engine)
 }
@@ -110,16 +111,11 @@ struct Check {
 }
 
 impl Check {
-    fn of(
-        engine: &Engine,
-        prior: &Prior,
-        doubt: &Doubt,
-        pictures: &[PosedPicture],
-    ) -> anyhow::Result<Check> {
+    fn of(engine: &Engine, prior: &Prior, pictures: &[PosedPicture]) -> anyhow::Result<Check> {
         let mut check = Check::default();
         let mut renderer = PictureRenderer::new(engine, prior)?;
         let mut map = DoubtMap::default();
-        let mut view = DoubtView::new(engine, prior, Some(doubt))?;
+        let mut view = DoubtView::new(engine, prior)?;
         for PosedPicture { camera, pose, picture, .. } in pictures {
             view.draw(camera, pose, &mut map)?;
             check.add(&map, picture, renderer.render(camera, pose)?);

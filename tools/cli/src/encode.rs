@@ -1,13 +1,12 @@
 //! `nvsprior encode`: frames in, packets out.
 
 mod frames;
-mod learn;
 
 use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use nvsprior::keys::{Content, Keys};
+use nvsprior::keys::Keys;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
@@ -22,7 +21,6 @@ use nvsprior_inputs::video_input::VideoInputArgs;
 
 use crate::keyed_files::FileTags;
 use crate::summary::{self, Row};
-use crate::updates::DiveFile;
 use frames::Frames;
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
@@ -32,6 +30,7 @@ use nvsprior_runs::{SheetRow, write_contact_sheet};
 /// --start-offset. Each later one starts from the pose that constant velocity predicts. If that fails (--threshold), it
 /// starts from a pose given for it with --starts. `time` in cameras.json, or the CSV file, says when a frame was taken.
 #[derive(clap::Args)]
+#[command(mut_arg("cameras", |arg| arg.required(false).required_unless_present("video")))]
 pub struct Args {
     #[command(flatten)]
     prior: PriorArgs,
@@ -52,8 +51,6 @@ pub struct Args {
     tune: TuneArgs,
     #[command(flatten)]
     interest: InterestArgs,
-    #[command(flatten)]
-    learn: learn::LearnArgs,
     #[command(flatten)]
     key: KeyArgs,
     /// Folder for the packets, NAME.nvsp; made if it is missing
@@ -143,10 +140,6 @@ struct RateArgs {
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
     #[arg(long, value_enum, default_value = "compact")]
     profile: ProfileArg,
-    /// Give every packet the full form, a latent part of 31 bytes; without this only the first packet and those with
-    /// the camera have it, and the others take 19
-    #[arg(long)]
-    full_latent: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -230,7 +223,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let camera = frames.camera();
     let interest = args.interest.interest(&camera)?;
     let engine = args.device.open()?;
-    let scene = args.learn.upload(&args.prior, &engine)?;
+    let scene = args.prior.upload(&engine)?;
     let mut options = args.refine.options();
     options.rate = args.rate.rate(keys.as_ref().map_or(0, Keys::overhead));
     options.residual = args.rate.coder();
@@ -241,7 +234,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     options.check_interval = args.rate.render_check;
     options.truth = !args.rate.no_truth;
-    options.short = !args.rate.full_latent;
     options.frames_treated = args.frames_treated;
     options.profile = match args.rate.profile {
         ProfileArg::Compact => PoseProfile::Compact,
@@ -249,11 +241,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let mut encoder = Encoder::new(&engine, &scene, &camera, options)?;
     encoder.set_interest(interest);
-    let mut dive_file = args.learn.begin(&mut encoder, &args.packets)?;
-    let mut tags = Tags {
-        packets: FileTags::new(keys.as_ref(), Content::Packet),
-        updates: FileTags::new(keys.as_ref(), Content::Update),
-    };
+    let mut tags = FileTags::new(keys.as_ref());
     if frames.begin_lost(&args.input.starts) {
         render_key_frames(&mut encoder)?;
     }
@@ -261,15 +249,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());
     while let Some((input, frame)) = frames.next_frame()? {
         let (input, frame) = (&input, &frame);
-        let (row, picture) =
-            encode(args, &mut encoder, dive_file.as_mut(), &mut tags, (input, frame))?;
+        let (row, picture) = encode(args, &mut encoder, &mut tags, (input, frame))?;
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
     }
     bar.finish_and_clear();
     summary::print(&rows);
-    learn::print(&encoder);
     if let Some(path) = &args.summary {
         summary::write(path, &rows)?;
     }
@@ -293,31 +279,23 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tags of the files that go to the topside.
-struct Tags {
-    packets: FileTags,
-    updates: FileTags,
-}
-
 /// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
 fn encode(
     args: &Args,
     encoder: &mut Encoder,
-    dive_file: Option<&mut DiveFile>,
-    tags: &mut Tags,
+    tags: &mut FileTags,
     (input, frame): (&Input, &Picture),
 ) -> anyhow::Result<(Row, Option<SheetRow>)> {
     let (frame, encoded) = input.encode(encoder, frame)?;
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
-    std::fs::write(&packet, tags.packets.put(&encoded.packet))
+    std::fs::write(&packet, tags.put(&encoded.packet))
         .with_context(|| format!("writing {}", packet.display()))?;
-    let update_bytes = learn::learn_more(encoder, dive_file, &mut tags.updates, &packet)?;
     if let Some(folder) = &args.frames_out {
         let path = folder.join(&input.name).with_added_extension("png");
         nvsprior_runs::write_png(&path, &encoded.picture)?;
     }
     let time = input.external.time;
-    let row = Row { file: input.file.clone(), time, update_bytes, stats: encoded.stats };
+    let row = Row { file: input.file.clone(), time, stats: encoded.stats };
     let (render, reconstruction) = (encoded.render, encoded.picture);
     let sheet = args.sheet.is_some().then_some(SheetRow {
         frame,

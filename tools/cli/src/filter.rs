@@ -1,16 +1,16 @@
 //! `nvsprior filter`: the display filter's weights for a scene, trained on the frames of the mapping run.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::filter_weights::FilterWeights;
-use nvsprior::prior::filter_file;
+use nvsprior::prior::Extras;
 use nvsprior_inputs::args::{PriorArgs, progress};
-use nvsprior_inputs::values;
 use nvsprior_train::filter::{FilterExample, FilterOptions, filter_examples, gains, train_filter};
 
 use crate::mapping_run::MappingRunArgs;
+use crate::prior_file::PriorFile;
 use crate::row;
 
 /// Train the display filter for a prior's scene on the frames of its mapping run
@@ -29,7 +29,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = STEPS,
         value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
     steps: u32,
-    /// What to write [default: PRIOR.filter, which is read with the prior]
+    /// A copy of the prior with the weights in it: .nvsg, or .nvsb if the prior is one [default: they are put into
+    /// PRIOR, or, if that is of a foreign format, into PRIOR.nvsx, which is read with it]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -39,13 +40,8 @@ const STEPS: u32 = 4000;
 const CODINGS: (usize, usize) = (10, 1500);
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let path = &args.prior.prior;
-    let out = args.out.clone().unwrap_or_else(|| filter_file::path_beside(path));
-    values::check_file("--out", &out)?;
-    // Not by its path: a broken file beside the prior is what this may be asked to replace.
-    let bytes = Prior::read_file(path)?;
-    let name = path.display().to_string();
-    let prior = Prior::from_bytes(&bytes, &name, &args.prior.overrides.overrides())?;
+    let file = PriorFile::open(&args.prior.prior, args.out.as_deref())?;
+    let prior = file.prior.clone().with_overrides(&args.prior.overrides.overrides())?;
     let run = args.run.pairs(&prior)?;
     run.print();
     let tables = prior.coder_tables().map_or_else(Tables::generic, |tables| (**tables).clone());
@@ -60,9 +56,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let start = (start != FilterWeights::zero()).then_some(&start);
     let weights = train_filter(&learned, start, &options, |done, _| bar.set_position(done as u64))?;
     bar.finish_and_clear();
-    filter_file::save(&weights, &out)?;
+    let filter_weights = Some(Arc::new(weights.clone()));
+    let written = file.save_extras(&Extras { filter_weights, ..prior.extras().clone() })?;
     print_gains(&filter_examples(&run.held_out, &tables, GAINS, 2), &weights);
-    row("written", format!("{}, {} bytes", out.display(), FilterWeights::encoded_len()));
+    row("written", written);
     Ok(())
 }
 

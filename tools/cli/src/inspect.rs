@@ -1,32 +1,26 @@
-//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need; what is in updates.
+//! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need.
 
-mod chain;
 mod study;
-mod update;
 
 use std::path::PathBuf;
 
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::filter_weights::FilterWeights;
-use nvsprior::prior::PartSource;
-use nvsprior::prior::update::{CHAIN_MAGIC, MAGIC};
+use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 
 use crate::key_frames;
 use crate::mission::MissionArgs;
-use crate::record::{self, Row};
-use crate::row;
+use crate::{record, row};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
 
 /// Print what is in a prior, and which parts are left out because no picture shows them
 ///
-/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it. Of
-/// updates, print what they add and where.
+/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene, .ply, .nvsg, .spz, .glb, .sog or .compressed.ply, or updates, .nvsu; the content tells
-    /// the format
+    /// The trained scene, .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]
@@ -45,16 +39,12 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let bytes = Prior::read_file(&args.prior)?;
-    let [update, chain] = [MAGIC, CHAIN_MAGIC].map(|magic| bytes.starts_with(magic));
-    if update || chain {
-        anyhow::ensure!(args.cameras.is_none(), "--cameras goes with a prior, not with an update");
-        return if chain { chain::print(&args.prior) } else { update::print(&args.prior) };
-    }
-    let prior = Prior::from_file(&args.prior, bytes, &args.overrides.overrides())?;
+    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
-    print_learnt(&record::open_beside(&args.prior, &prior)?);
+    for dive in record::of(&prior)? {
+        row(&format!("dive {}", dive.name), dive.to_string());
+    }
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
 }
 
@@ -89,55 +79,35 @@ fn describe(args: &Args, prior: &Prior) {
     row("opacities", spread(opacities));
     let frame = prior.coordinate_frame();
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
-    row("key frames", key_frames(prior));
-    row("coder tables", coder_tables(prior));
-    row("display filter", display_filter(prior));
+    row("key frames", key_frames::describe(prior.key_frames()));
+    row("coder tables", whose(prior.coder_tables().is_some(), Tables::encoded_len()));
+    row("display filter", whose(prior.filter_weights().is_some(), FilterWeights::encoded_len()));
     row("preprocessing", prior.preprocessing().to_string());
+    row("lens", describe_lens(prior.extras().lens.as_ref()));
+    row("doubt", if prior.extras().doubt.is_some() { "known" } else { "not known" }.into());
     for comment in &report.comments {
         row("comment", comment.clone());
     }
 }
 
-/// What the prior has learnt since it was mapped.
-fn print_learnt(rows: &[Row]) {
-    let updates = rows.iter().filter(|row| row.update.is_some());
-    let (updates, bytes) = (updates.clone().count(), updates.map(|row| row.bytes).sum::<usize>());
-    if !rows.is_empty() {
-        row("learnt", format!("in {updates} updates of {bytes} bytes:"));
-    }
-    for learnt in rows {
-        row(&format!("dive {}", learnt.dive), format!("{}: {learnt}", learnt.name()));
+/// Which coder tables or weights are used, and their bytes.
+fn whose(own: bool, bytes: usize) -> String {
+    match own {
+        true => format!("the scene's own, {bytes} bytes"),
+        false => "the library's own, for any scene".into(),
     }
 }
 
-/// The number of key frames, their source, and the bounds of their cameras.
-fn key_frames(prior: &Prior) -> String {
-    let source = prior.report().key_frames;
-    match source {
-        PartSource::None => source.to_string(),
-        _ => format!("{source}: {}", key_frames::describe(prior.key_frames())),
-    }
-}
-
-/// Which coder tables are used, their source, and their bytes.
-fn coder_tables(prior: &Prior) -> String {
-    match prior.report().coder_tables {
-        PartSource::None => "the library's own, for any scene".into(),
-        source => format!("the scene's own, {source}: {} bytes", Tables::encoded_len()),
-    }
-}
-
-/// Which weights the display filter uses.
-fn display_filter(prior: &Prior) -> String {
-    match prior.filter_weights() {
-        None => "the library's own, for any scene".into(),
-        Some(_) => {
-            format!(
-                "the scene's own, in the file beside it: {} bytes",
-                FilterWeights::encoded_len()
-            )
-        }
-    }
+/// The lens of the mapping run's camera.
+fn describe_lens(lens: Option<&Lens>) -> String {
+    let Some(lens) = lens else { return "not stated".into() };
+    let Intrinsics { width, height, fx, fy, cx, cy } = lens.intrinsics();
+    let distortion = match lens.distortion() {
+        Distortion::None => "without distortion",
+        Distortion::Brown(_) => "Brown-Conrady",
+        Distortion::Fisheye(_) => "fisheye",
+    };
+    format!("{width}×{height}, fx {fx:.2}, fy {fy:.2}, cx {cx:.2}, cy {cy:.2}, {distortion}")
 }
 
 /// Least, percentiles and greatest of values.

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::{Collected, Collector, CollectorOptions, ModemError, share_count};
+use nvsprior::modem::{
+    Collected, Collector, CollectorOptions, MIN_MTU, ModemError, largest_packet, share_count,
+};
 use nvsprior::prior::replace_file;
 use nvsprior_inputs::values;
 
@@ -24,7 +26,7 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS", requires = "mtu")]
     udp: Option<String>,
     /// The MTU that the packets were split for [default: the length of the longest frame]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(31..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(MIN_MTU as i64..))]
     mtu: Option<u16>,
     /// End if no frame came for so many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10, requires = "udp",
@@ -34,8 +36,6 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
-
-const MIN_MTU: usize = 31;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let joined = match (&args.frames, &args.udp) {
@@ -105,7 +105,7 @@ const MAX_BYTES: usize = 1 << 16;
 
 impl Joined {
     fn new(mtu: usize, folder: &Path) -> anyhow::Result<Joined> {
-        let shares = share_count(MAX_BYTES, mtu)?;
+        let shares = share_count(MAX_BYTES.min(largest_packet(mtu)?), mtu)?;
         let options = CollectorOptions { shares, packets: HELD, ..CollectorOptions::new(mtu) };
         let collector = Collector::new(options)?;
         values::make_folder("--out", folder)?;

@@ -4,13 +4,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use nvsprior::coder_tables::Tables;
-use nvsprior::prior::{
-    KeyFrames, PriorFormat, compact, filter_file, ply, replace_file, tables_file,
-};
+use nvsprior::prior::{Extras, KeyFrames};
 use nvsprior::{Camera, Pose, Prior};
 
-use crate::{beside, record, row};
+use crate::prior_file::PriorFile;
+use crate::row;
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
@@ -25,7 +23,7 @@ use nvsprior_train::key_frames::{ANGLE, Sample, Thinned};
 /// are, so only the side that encodes needs the key frames.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene: .ply, .nvsg, .spz, .glb, .sog or .compressed.ply; the content tells the format
+    /// The trained scene: .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the format
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     /// cameras.json, or nerfstudio's transforms.json, with the poses of the mapping run's cameras
@@ -46,9 +44,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = COVER,
         value_parser = clap::value_parser!(u32).range(..=KeyFrames::MAX as i64))]
     cover: u32,
-    /// What to write: .keys, key frames alone; .ply or .nvsg, a copy of a prior of that format with the
-    /// key frames in it, and nothing else that the file had [default: PRIOR.keys, which is read with
-    /// the prior]
+    /// A copy of the prior with the key frames in it: .nvsg, or .nvsb if the prior is one [default: they are put into
+    /// PRIOR, or, if that is of a foreign format, into PRIOR.nvsx, which is read with it]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -56,47 +53,23 @@ pub struct Args {
 /// Key frames in all. How much so many cover: docs/decisions.md, 10.
 const COVER: u32 = 500;
 
-/// A kind of file that key frames are written to.
-#[derive(Clone, Copy)]
-enum Kind {
-    Keys,
-    Compact,
-    Ply,
-}
-
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let name = args.prior.display().to_string();
-    let out = args.out.clone().unwrap_or_else(|| KeyFrames::path_beside(&args.prior));
-    let kind = Kind::of(&out)?;
-    // Reads the bytes, not by path: the user may want to replace a broken file beside the prior.
-    let bytes = std::fs::read(&args.prior).with_context(|| name.clone())?;
-    let prior = Prior::from_bytes(&bytes, &name, &Default::default())?;
-    let tables = tables_file::open_beside(&args.prior)?;
-    kind.check(&out, &prior, tables.as_ref()).with_context(|| out.display().to_string())?;
-    values::check_file("--out", &out)?;
-    let views = args.cameras.as_deref().map(|file| Views::of(args, file, &prior)).transpose()?;
+    let file = PriorFile::open(&args.prior, args.out.as_deref())?;
+    let prior = &file.prior;
+    let views = args.cameras.as_deref().map(|file| Views::of(args, file, prior)).transpose()?;
     let seeds = views.as_ref().map_or(&[][..], |views| views.thinned.key_frames.poses());
-    let covering = covering(&prior, seeds, args.cover as usize)?;
+    let covering = covering(prior, seeds, args.cover as usize)?;
     let key_frames = &covering.key_frames;
+    let name = args.prior.display();
     anyhow::ensure!(!key_frames.is_empty(), "{name}: {}", nothing(args.cover));
-    let content = kind.content(&bytes, &prior, key_frames)?;
-    replace_file(&out, &content)?;
-    if let Kind::Ply | Kind::Compact = kind {
-        record::carry((&args.prior, &prior), &out)?;
-        if let Some(tables) = &tables {
-            tables_file::save(tables, &tables_file::path_beside(&out))?;
-        }
-        let filter = filter_file::open_beside(&args.prior)?;
-        beside::check_filter(filter.as_ref(), &out)?;
-        beside::place_filter(filter.as_ref(), &out)?;
-    }
-    let prior = if tables.is_some() { prior.with_coder_tables(tables) } else { prior };
+    let extras = Extras { key_frames: key_frames.clone(), ..prior.extras().clone() };
+    let written = file.save_extras(&extras)?;
     if let Some(views) = &views {
         views.print(args.angle);
     }
     row("covering", describe_covering(&covering));
     row("key frames", describe(key_frames));
-    row("written", format!("{}, {} bytes", out.display(), content.len()));
+    row("written", written);
     row("identity", format!("{}, as it was", prior.id()));
     Ok(())
 }
@@ -166,74 +139,4 @@ pub fn describe(key_frames: &KeyFrames) -> String {
     let axis = |name: &str, i: usize| format!("{name} {:.3} … {:.3}", min[i], max[i]);
     let axes = [axis("x", 0), axis("y", 1), axis("z", 2)].join(", ");
     format!("{}, cameras at {axes}", key_frames.len())
-}
-
-impl Kind {
-    /// The kind that a name's ending stands for.
-    fn of(path: &Path) -> anyhow::Result<Kind> {
-        match path.extension().and_then(|e| e.to_str()) {
-            Some("keys") => Ok(Kind::Keys),
-            Some("nvsg") => Ok(Kind::Compact),
-            Some("ply") => Ok(Kind::Ply),
-            _ => anyhow::bail!("{}: ends in .keys, .nvsg or .ply", path.display()),
-        }
-    }
-
-    /// Refuses a copy in another format than the prior's. Refuses a copy if a file beside it would replace its key
-    /// frames, or give it other coder tables. `tables`: those beside the prior.
-    fn check(self, out: &Path, prior: &Prior, tables: Option<&Tables>) -> anyhow::Result<()> {
-        let format = prior.report().format;
-        let plain = matches!(
-            format,
-            PriorFormat::PlyAscii | PriorFormat::PlyLittleEndian | PriorFormat::PlyBigEndian
-        );
-        let fits = match self {
-            Kind::Keys => return Ok(()),
-            Kind::Compact => format == PriorFormat::Compact,
-            Kind::Ply => plain,
-        };
-        anyhow::ensure!(
-            fits,
-            "a copy must have the format of the prior, which is {format}; write a .keys file instead"
-        );
-        let beside = KeyFrames::path_beside(out);
-        anyhow::ensure!(
-            !beside.exists(),
-            "{} takes precedence over key frames in the copy; remove it first",
-            beside.display()
-        );
-        let beside = tables_file::path_beside(out);
-        anyhow::ensure!(
-            tables.is_some() || !beside.exists(),
-            "{} would make the copy another prior; remove it first",
-            beside.display()
-        );
-        Ok(())
-    }
-
-    /// The file's content; `bytes` is that of the prior.
-    fn content(
-        self,
-        bytes: &[u8],
-        prior: &Prior,
-        key_frames: &KeyFrames,
-    ) -> anyhow::Result<Vec<u8>> {
-        let content = match self {
-            Kind::Keys => return Ok(key_frames.to_csv().into_bytes()),
-            Kind::Compact => compact::with_key_frames(bytes, key_frames)?,
-            Kind::Ply => {
-                let file = ply::read_ply(bytes)?;
-                let mut content = Vec::new();
-                let (options, preprocessing) = (&file.options, &file.preprocessing);
-                ply::write_ply(&file.splats, options, key_frames, preprocessing, &mut content)?;
-                content
-            }
-        };
-        let copy = Prior::from_bytes(&content, "the copy", &Default::default())?;
-        anyhow::ensure!(
-            copy.id() == prior.id() && copy.key_frames().len() == key_frames.len(),
-            "the copy is not the prior; please report this"
-        );
-        Ok(content)
-    }
 }

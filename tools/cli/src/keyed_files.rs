@@ -1,4 +1,4 @@
-//! Packets and updates in files, with the tags of keys.
+//! Packets in files, with the tags of keys.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,15 +6,15 @@ use std::path::Path;
 use anyhow::Context;
 use nvsprior::keys::{Authenticator, Content, Keys, Refusal, Verifier};
 
-/// Makes what files of packets or updates hold, with tags if there are keys.
+/// Makes what files of packets hold, with tags if there are keys.
 pub struct FileTags {
     authenticator: Option<Authenticator>,
     bytes: Vec<u8>,
 }
 
 impl FileTags {
-    pub fn new(keys: Option<&Keys>, content: Content) -> FileTags {
-        let authenticator = keys.map(|keys| Authenticator::new(keys, content));
+    pub fn new(keys: Option<&Keys>) -> FileTags {
+        let authenticator = keys.map(|keys| Authenticator::new(keys, Content::Packet));
         FileTags { authenticator, bytes: Vec::new() }
     }
 
@@ -34,8 +34,8 @@ pub struct FileReader {
 }
 
 impl FileReader {
-    pub fn new(keys: Option<&Keys>, content: Content) -> FileReader {
-        let verifier = keys.map(|keys| Verifier::new(keys, content));
+    pub fn new(keys: Option<&Keys>) -> FileReader {
+        let verifier = keys.map(|keys| Verifier::new(keys, Content::Packet));
         FileReader { verifier, taken: BTreeSet::new() }
     }
 
@@ -67,13 +67,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let keys = Keys::new([Key::new([4; 32])]).unwrap();
         let path = |index: u32| folder.path().join(format!("{index}.nvsp"));
-        let mut tags = FileTags::new(Some(&keys), Content::Packet);
+        let mut tags = FileTags::new(Some(&keys));
         for index in 0..200_u32 {
             std::fs::write(path(index), tags.put(&index.to_le_bytes())).unwrap();
         }
         std::fs::copy(path(7), path(1000)).unwrap();
-        std::fs::write(path(1001), FileTags::new(None, Content::Packet).put(b"no tag")).unwrap();
-        let mut reader = FileReader::new(Some(&keys), Content::Packet);
+        std::fs::write(path(1001), FileTags::new(None).put(b"no tag")).unwrap();
+        let mut reader = FileReader::new(Some(&keys));
         for index in (0..200).rev() {
             assert_eq!(reader.read(&path(index)).unwrap(), index.to_le_bytes());
         }
@@ -82,8 +82,6 @@ mod tests {
         };
         assert_eq!(refused(&mut reader, 1000), Refusal::Replayed);
         assert_eq!(refused(&mut reader, 1001), Refusal::Foreign);
-        let mut updates = FileReader::new(Some(&keys), Content::Update);
-        assert_eq!(refused(&mut updates, 3), Refusal::Foreign, "a packet is no update");
-        assert_eq!(FileReader::new(None, Content::Packet).read(&path(1001)).unwrap(), b"no tag");
+        assert_eq!(FileReader::new(None).read(&path(1001)).unwrap(), b"no tag");
     }
 }

@@ -1,6 +1,5 @@
 //! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
 
-mod beside;
 mod blocks;
 mod container;
 mod decode;
@@ -10,6 +9,7 @@ mod devices;
 mod doubt;
 mod encode;
 mod filter;
+mod import;
 mod inspect;
 mod join;
 mod key;
@@ -17,16 +17,15 @@ mod key_frames;
 mod keyed_files;
 mod map;
 mod mapping_run;
-mod merge;
 mod mission;
 mod picture_renderer;
+mod prior_file;
 mod record;
 mod render;
 mod split;
 mod summary;
 mod tables;
 mod trim;
-mod updates;
 mod view_set;
 
 use std::process::ExitCode;
@@ -70,8 +69,8 @@ enum Command {
     Inspect(inspect::Args),
     Map(map::Args),
     Trim(trim::Args),
-    Merge(merge::Args),
     Blocks(blocks::Args),
+    Import(import::Args),
     KeyFrames(key_frames::Args),
     Tables(tables::Args),
     Filter(filter::Args),
@@ -103,8 +102,8 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(&args),
         Command::Map(args) => map::run(&args),
         Command::Trim(args) => trim::run(&args),
-        Command::Merge(args) => merge::run(&args),
         Command::Blocks(args) => blocks::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::KeyFrames(args) => key_frames::run(&args),
         Command::Tables(args) => tables::run(&args),
         Command::Filter(args) => filter::run(&args),

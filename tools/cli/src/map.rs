@@ -14,9 +14,10 @@ mod video;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use nvsprior::geometry::Lens;
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{Doubt, replace_file};
+use nvsprior::prior::{Besides, Extras};
 use nvsprior::{Camera, Engine, Prior, RenderOptions};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs, progress};
 use nvsprior_inputs::values;
@@ -25,9 +26,9 @@ use nvsprior_train::doubt::doubt_of;
 use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{MapOptions, Mapper};
 
-use crate::beside;
 use crate::container::{Container, FINENESS};
 use crate::picture_renderer::PictureRenderer;
+use crate::prior_file::PriorFile;
 use course::{Budget, Course};
 use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
@@ -83,7 +84,7 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     overrides: OverrideArgs,
-    /// The prior: .ply (as Splatfacto writes it) or .nvsg (compact)
+    /// The prior: .nvsg or .nvsb, with all that belongs to it, or .ply, its splats alone as Splatfacto writes them
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Go on from the state that an interrupted run left beside OUT
@@ -156,7 +157,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.render.check()?;
     saved::check_out(&args.out)?;
     if let Some(prior) = &from {
-        beside::check_tables(prior, container, &args.out)?;
+        container.check_tables(prior.coder_tables().is_some())?;
     }
     if let Some(folder) = &args.report {
         saved::check_report(folder)?;
@@ -188,12 +189,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return run.run(parts.into(), poses);
     }
     memory::check(&engine, &listed, &options, from.is_some())?;
+    let lens = listed.train.first().map(|input| input.lens);
     let inputs = args.inputs.read(listed, &preprocessing)?;
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
     report.poses = poses;
-    let how = (&options.render, &preprocessing);
-    let prior = write(args, from.as_ref(), container, &mapper, how)?;
-    write_doubt(&engine, args, &prior, &mapper)?;
+    let made = Made { args, container, render: &options.render, preprocessing, lens };
+    let prior = made.write(from.as_ref(), &mapper)?;
+    made.write_doubt(&engine, &prior, &mapper)?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
     report.finish(&mut mapper, prior.len(), forward)?;
     args.device.check(&engine)
@@ -255,49 +257,67 @@ impl Training<'_> {
     }
 }
 
-/// Writes the prior, and what is known of it beside it.
-fn write(
-    args: &Args,
-    from: Option<&Prior>,
+/// What is written once a training is done.
+struct Made<'a> {
+    args: &'a Args,
     container: Container,
-    mapper: &Mapper,
-    (render, preprocessing): (&RenderOptions, &Preprocessing),
-) -> anyhow::Result<Prior> {
-    let splats = mapper.splats()?;
-    let cameras = mapper.views()[..mapper.pictures()].iter().map(|view| view.camera);
-    let mut views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
-    let tables = from.and_then(|prior| prior.coder_tables());
-    if let Some(prior) = from {
-        let camera = views[0].0;
-        views.extend(prior.key_frames().poses().iter().map(|pose| (camera, *pose)));
-    }
-    let key_frames = key_frames::of_run(&splats, render.near, &views)?;
-    let tables = tables.map(AsRef::as_ref);
-    let bytes = container.write(&splats, render, &key_frames, tables, preprocessing)?;
-    if let Some(prior) = from {
-        beside::place_tables(prior, container, &args.out)?;
-    }
-    replace_file(&args.out, &bytes)?;
-    let prior = Prior::open(&args.out, &Default::default())?;
-    match from {
-        Some(before) => args.from.record(before, mapper.pictures(), (&args.out, &prior))?,
-        // A prior is there: what was saved on the way to it is not needed any more.
-        None => saved::remove(&args.out)?,
-    }
-    println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
-    Ok(prior)
+    render: &'a RenderOptions,
+    preprocessing: Preprocessing,
+    lens: Option<Lens>,
 }
 
-/// Writes how far the prior's picture may be off, beside it.
-fn write_doubt(engine: &Engine, args: &Args, prior: &Prior, mapper: &Mapper) -> anyhow::Result<()> {
-    let pictures = mapper.views().iter().zip(mapper.poses().iter().copied());
-    let bar = progress(pictures.len(), "doubt");
-    let doubt = doubt_of(engine, prior, pictures, &mut || bar.inc(1))?;
-    // The prior is there, and is worth more.
-    if let Err(error) = doubt.save(&Doubt::path_beside(&args.out)) {
-        eprintln!("warning: {error}; `nvsprior doubt` writes it later");
+impl Made<'_> {
+    /// Writes the prior with all that belongs to it but its doubt. `from`: the prior that the training went on with.
+    fn write(&self, from: Option<&Prior>, mapper: &Mapper) -> anyhow::Result<Prior> {
+        let Made { args, container, render, preprocessing, lens } = *self;
+        let splats = mapper.splats()?;
+        let cameras = mapper.views()[..mapper.pictures()].iter().map(|view| view.camera);
+        let mut views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
+        if let Some(prior) = from {
+            let camera = views[0].0;
+            views.extend(prior.key_frames().poses().iter().map(|pose| (camera, *pose)));
+        }
+        let key_frames = key_frames::of_run(&splats, render.near, &views)?;
+        let record = |prior| args.from.record(prior, mapper.pictures(), splats.len());
+        let extras = Extras {
+            key_frames,
+            preprocessing,
+            lens: from.and_then(|prior| prior.extras().lens).or(lens),
+            filter_weights: from.and_then(|prior| prior.filter_weights().cloned()),
+            doubt: None,
+            record: from.map(record).transpose()?.flatten(),
+        };
+        let coder_tables = from.and_then(|prior| prior.coder_tables()).map(AsRef::as_ref);
+        let besides = Besides { options: render, frame: None, coder_tables, extras: &extras };
+        let bytes = container.write(&splats, &besides)?;
+        container.save(&args.out, &bytes)?;
+        if from.is_none() {
+            // A prior is there: what was saved on the way to it is not needed any more.
+            saved::remove(&args.out)?;
+        }
+        let prior = Prior::open(&args.out, &Default::default())?;
+        println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
+        Ok(prior)
     }
-    Ok(())
+
+    /// Adds how far the prior's picture may be off. A `.ply` has no place for it.
+    fn write_doubt(&self, engine: &Engine, prior: &Prior, mapper: &Mapper) -> anyhow::Result<()> {
+        if !prior.report().format.is_own() {
+            return Ok(());
+        }
+        let pictures = mapper.views().iter().zip(mapper.poses().iter().copied());
+        let bar = progress(pictures.len(), "doubt");
+        let doubt = Some(doubt_of(engine, prior, pictures, &mut || bar.inc(1))?);
+        let add = || {
+            let file = PriorFile::open(&self.args.out, None)?;
+            file.save_extras(&Extras { doubt, ..prior.extras().clone() })
+        };
+        // The prior is there, and is worth more.
+        if let Err(error) = add() {
+            eprintln!("warning: {error:#}; `nvsprior doubt` adds it later");
+        }
+        Ok(())
+    }
 }
 
 /// Seconds of a forward render of the prior, the median of some.

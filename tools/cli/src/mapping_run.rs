@@ -81,7 +81,7 @@ impl MappingRun {
 /// The frames of a run; each starts from its pose in the camera file.
 fn inputs(args: &MappingRunArgs, cameras: &Path) -> anyhow::Result<Vec<Input>> {
     let input = InputArgs {
-        cameras: cameras.to_owned(),
+        cameras: Some(cameras.to_owned()),
         split: args.split.clone(),
         limit: None,
         size: args.size.clone(),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::Sharer;
+use nvsprior::modem::{MIN_MTU, Sharer};
 use nvsprior_inputs::values;
 
 /// Split packets into the frames of a modem
@@ -18,7 +18,7 @@ pub struct Args {
     #[arg(value_name = "PACKET", required = true)]
     packets: Vec<PathBuf>,
     /// Most bytes of a modem frame
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(31..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(MIN_MTU as i64..))]
     mtu: u16,
     /// Folder for the frames; made if it is missing
     #[arg(long, value_name = "DIR", required_unless_present = "udp", conflicts_with = "udp")]

@@ -11,8 +11,6 @@ pub struct Row {
     pub file: String,
     /// When it was taken, seconds, if that is known.
     pub time: Option<f64>,
-    /// Bytes of the update that was sent after it; 0: none.
-    pub update_bytes: usize,
     pub stats: FrameStats,
 }
 
@@ -46,7 +44,6 @@ fn frame(row: &Row) -> Value {
         "bytes": s.bytes,
         "latent_bytes": s.latent_bytes,
         "truth_bytes": s.truth_bytes,
-        "update_bytes": row.update_bytes,
         "render_psnr": s.render_psnr,
         "psnr": s.psnr,
         // The PSNR within --region; null without it.

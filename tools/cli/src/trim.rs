@@ -10,10 +10,9 @@ use nvsprior::{Camera, Pose, Prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::trim::{TrimOptions, trim};
 
-use crate::container::Container;
+use crate::container::{Container, check_not_over};
 use crate::mission::{self, Mission, MissionArgs};
 use crate::picture_renderer::PictureRenderer;
-use crate::{beside, record};
 use judge::{Bench, Loss};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
@@ -94,11 +93,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(sheet) = &args.sheet {
         values::check_file("--sheet", sheet)?;
     }
-    beside::check_key_frames(&args.out)?;
+    check_not_over(&args.prior, &args.out)?;
     let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
-    let filter = prior.filter_weights().map(AsRef::as_ref);
-    beside::check_tables(&prior, container, &args.out)?;
-    beside::check_filter(filter, &args.out)?;
+    container.check_tables(prior.coder_tables().is_some())?;
     let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;
     let mut whole = PictureRenderer::new(&engine, &prior)?;
@@ -116,10 +113,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ..TrimOptions::new(*prior.options(), bench.tolerance())
     };
     let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;
-    beside::place_tables(&prior, container, &args.out)?;
-    beside::place_filter(filter, &args.out)?;
     let bytes = bench.save(&splats)?;
-    record::carry((&args.prior, &prior), &args.out)?;
     let reduced = Prior::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();
     bench.print(&reduced, size, bytes as u64)?;

@@ -36,7 +36,6 @@ use crate::key_state::{KeyState, Side};
 use event::EVENTS;
 use input::SourceArgs;
 use keeper::Keeper;
-use overlay::doubt_beside;
 use server::Server;
 use topside::{Topside, TopsideOptions};
 use video::VideoTarget;
@@ -62,8 +61,8 @@ pub struct Args {
     /// 5600. Takes GStreamer
     #[arg(long, value_name = "HOST:PORT", value_parser = endpoint::remote)]
     rtp: Option<SocketAddr>,
-    /// Filter the picture by a small network that knows the scene (PRIOR.filter, which `nvsprior filter` trains), or by
-    /// the library's: always, never, or if the device is no CPU
+    /// Filter the picture by a small network that knows the scene (the prior's weights, which `nvsprior filter`
+    /// trains), or by the library's: always, never, or if the device is no CPU
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     filter: FilterUse,
     /// Most bytes of a modem frame, as the vehicle has it
@@ -109,6 +108,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let server = Server::bind(args.listen)?;
     let video = args.rtp.map(VideoTarget::new).transpose()?;
     let prior = args.prior.open()?;
+    if prior.extras().doubt.is_none() {
+        let prior = args.prior.prior.display();
+        eprintln!("{prior}: without doubt: all that was not seen is doubtful (`nvsprior doubt`)");
+    }
     let engine = args.device.open()?;
     let options = TopsideOptions {
         mtu: args.mtu.into(),
@@ -117,7 +120,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         return_path: source.return_path()?,
         keeper: Keeper::new(args.keep.clone()),
         video: video.map(|target| target.start(source.clock())).transpose()?,
-        doubt: doubt_beside(&args.prior.prior, &prior),
         filter: args.filter.on(&engine),
         keys,
         key_state,

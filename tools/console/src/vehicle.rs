@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use nvsprior::keys::Keys;
 use nvsprior::modem::{
-    Loss, ModemError, Protection, RateControlOptions, Report, Sender, SenderOptions, UpdateOptions,
+    Loss, ModemError, Protection, RateControlOptions, Report, Sender, SenderOptions,
 };
 use nvsprior::tracking::FrameInfo;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
@@ -55,9 +55,6 @@ pub struct Args {
     mode: ModeArgs,
     #[command(flatten)]
     tune: TuneArgs,
-    /// Learn what the frames show and the prior does not, and send it as updates of the prior
-    #[arg(long)]
-    learn: bool,
     #[command(flatten)]
     key: KeyArgs,
     /// See `nvsprior encode`
@@ -123,7 +120,6 @@ impl Args {
             stream: 0,
             protection: Protection::Layers,
             expect_reports: true,
-            updates: self.learn.then(UpdateOptions::default),
         };
         match keys {
             Some(keys) => Sender::with_keys(options, keys)?,
@@ -143,10 +139,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let keyed = keyed.map(|(path, keys)| KeyState::open(path, Side::Vehicle, keys)).transpose()?;
     let (keys, key_state) = keyed.unzip();
     let engine = args.device.open()?;
-    let scene = match args.learn {
-        true => args.prior.upload_for_updates(&engine)?,
-        false => args.prior.upload(&engine)?,
-    };
+    let scene = args.prior.upload(&engine)?;
     let (threshold, frames_treated) = (args.threshold, false);
     let tune = args.tune.tune();
     let options = VehicleOptions {
@@ -248,7 +241,7 @@ impl Dive {
         self.counts.packets += 1;
         self.counts.uncertain += usize::from(!packet.certain);
         self.send_due();
-        self.vehicle.learn(self.now())
+        Ok(())
     }
 
     /// When a frame was exposed, as its packet tells it.

@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
+use nvsprior::geometry::Lens;
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
 use nvsprior::tracking::Optimizer;
@@ -107,6 +108,14 @@ impl PriorArgs {
         Ok(prior)
     }
 
+    /// The lens of its mapping run's camera, if it states one.
+    pub fn lens(&self) -> anyhow::Result<Option<Lens>> {
+        Ok(match BlockedPrior::is_at(&self.prior) {
+            true => BlockedPrior::open(&self.prior)?.extras().lens,
+            false => self.open()?.extras().lens,
+        })
+    }
+
     /// Uploads the prior, or opens it in blocks.
     pub fn upload(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
         let scene = match self.prior_memory {
@@ -118,13 +127,6 @@ impl PriorArgs {
             }
             None => engine.upload(&self.open()?),
         };
-        scene.with_context(|| format!("uploading {}", self.prior.display()))
-    }
-
-    /// Uploads the prior, with room for updates.
-    pub fn upload_for_updates(&self, engine: &Engine) -> anyhow::Result<Arc<Scene>> {
-        self.check_whole("for updates")?;
-        let scene = engine.upload_for_updates(&self.open()?);
         scene.with_context(|| format!("uploading {}", self.prior.display()))
     }
 

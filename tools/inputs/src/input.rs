@@ -15,8 +15,8 @@ use crate::values::{self, WrongUsage};
 #[derive(clap::Args)]
 pub struct InputArgs {
     /// cameras.json, or nerfstudio's transforms.json
-    #[arg(long, value_name = "FILE")]
-    pub cameras: PathBuf,
+    #[arg(long, value_name = "FILE", required = true)]
+    pub cameras: Option<PathBuf>,
     /// Only the frames of this split of the camera file
     #[arg(long, value_name = "NAME")]
     pub split: Option<String>,
@@ -79,6 +79,12 @@ impl InputArgs {
         InputArgs { cameras, split, starts, size: SizeArgs::of(width), ..*self }
     }
 
+    /// The camera file.
+    pub fn cameras(&self) -> Result<&Path, WrongUsage> {
+        let missing = || WrongUsage("--cameras: needed for frames that are no video's".into());
+        self.cameras.as_deref().ok_or_else(missing)
+    }
+
     /// The frames, in time order; at least one.
     pub fn frames(&self) -> anyhow::Result<Vec<Input>> {
         self.frames_from(&self.starts)
@@ -86,16 +92,17 @@ impl InputArgs {
 
     /// As [`InputArgs::frames`], with other poses from outside than `--starts` says; `starts` is one of its values.
     pub fn frames_from(&self, starts: &str) -> anyhow::Result<Vec<Input>> {
-        let file = CameraFile::open(&self.cameras)?;
+        let cameras = self.cameras()?;
+        let file = CameraFile::open(cameras)?;
         let mut views = file.select(self.split.as_deref())?;
         views.truncate(self.limit.unwrap_or(usize::MAX));
-        anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", self.cameras.display());
+        anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", cameras.display());
         let csv = starts_file(starts).map(|path| self.read_starts(path)).transpose()?;
         let mut names = HashSet::new();
         let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
         let input = |(index, view): (usize, &View)| {
             let camera = self.size.reduced(&view.camera);
-            camera.check().with_context(|| format!("{}: {}", self.cameras.display(), view.name))?;
+            camera.check().with_context(|| format!("{}: {}", cameras.display(), view.name))?;
             frame_file::check_picture(&view.file)?;
             Ok(Input {
                 path: view.file.clone(),

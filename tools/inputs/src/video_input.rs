@@ -18,7 +18,8 @@ use crate::video::{DecoderChoice, Ended, FrameSize, Video, VideoFrame, VideoRead
 #[derive(clap::Args)]
 pub struct VideoInputArgs {
     /// Take the frames from a video (GStreamer or FFmpeg decodes it), undistorted and reduced. --cameras then tells the
-    /// lens only, and may be the folder of a COLMAP model, such as OUT.colmap. Frames are named by their number in the
+    /// lens only, and may be the folder of a COLMAP model, such as OUT.colmap; without it the lens is the one that the
+    /// prior states. Frames are named by their number in the
     /// video, as 000123; --starts is `none`, or a CSV file with these names, or without a column `file` and with times
     #[arg(long, value_name = "FILE", conflicts_with = "start_offset")]
     video: Option<PathBuf>,
@@ -31,8 +32,12 @@ pub struct VideoInputArgs {
 }
 
 impl VideoInputArgs {
-    /// The video's frames, if one was given.
-    pub fn frames(&self, input: &InputArgs) -> anyhow::Result<Option<VideoFrames>> {
+    /// The video's frames, if one was given. `lens`: of the prior, which counts if there is no camera file.
+    pub fn frames(
+        &self,
+        input: &InputArgs,
+        lens: impl FnOnce() -> anyhow::Result<Lens>,
+    ) -> anyhow::Result<Option<VideoFrames>> {
         let Some(path) = &self.video else { return Ok(None) };
         if input.starts == "camera-file" {
             let what =
@@ -40,14 +45,18 @@ impl VideoInputArgs {
             return Err(WrongUsage(format!("--starts camera-file: {what}")).into());
         }
         let known = starts_file(&input.starts).map(|path| Known::read(input, path)).transpose()?;
-        let lens = lens_of(&input.cameras, input.split.as_deref())?;
+        let (lens, of) = match &input.cameras {
+            Some(cameras) => {
+                (lens_of(cameras, input.split.as_deref())?, cameras.display().to_string())
+            }
+            None => (lens()?, "the prior's lens".into()),
+        };
         let video = Video::open(path, self.decoder)?;
         eprintln!("{}", video.command);
         let lens = lens_for(&lens, &video)?;
         let camera = input.size.reduced(&lens.pinhole());
-        camera.check().with_context(|| format!("{}", input.cameras.display()))?;
-        let converter = Converter::undistorting(&lens, &camera)
-            .with_context(|| format!("{}", input.cameras.display()))?;
+        camera.check().with_context(|| of.clone())?;
+        let converter = Converter::undistorting(&lens, &camera).with_context(|| of.clone())?;
         let reader = video.read(FrameSize::Full)?;
         let every = self.fps.map_or(0.0, |fps| 1.0 / fps);
         let (known, most) = (known.unwrap_or_default(), input.limit.unwrap_or(usize::MAX));

@@ -15,7 +15,8 @@ use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
 use nvsprior::keys::Keys;
 use nvsprior::modem::{
-    Loss, ModemError, Protection, RateControlOptions, Sender, SenderOptions, UpdateOptions,
+    Loss, MIN_CHECKED_MTU, MIN_MTU, ModemError, Protection, RateControlOptions, Sender,
+    SenderOptions,
 };
 use nvsprior::residual::Tune;
 use nvsprior::{Mode, Picture};
@@ -57,16 +58,8 @@ pub struct Args {
     mode: ModeArgs,
     #[command(flatten)]
     tune: TuneArgs,
-    /// The vehicle learns what its frames show and the prior does not. It sends updates of the prior beside its
-    /// packets, and draws with each as soon as the topside holds it
-    #[arg(long)]
-    learn: bool,
     #[command(flatten)]
     key: KeyArgs,
-    /// Part of the bit rate that updates get while they are sent
-    #[arg(long, value_name = "X", default_value_t = UpdateOptions::default().share, requires = "learn",
-        value_parser = values::not_negative)]
-    update_share: f64,
     /// Also tell the PSNR inside and outside of what the prior does not show: where the frames differ from its render,
     /// at the poses of the camera file
     #[arg(long)]
@@ -108,8 +101,8 @@ struct LinkArgs {
     /// Bits per second [default: 5000]
     #[arg(long, value_name = "BPS", value_parser = values::rate)]
     bit_rate: Option<f64>,
-    /// Most bytes of a modem frame [default: 64]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(16..))]
+    /// Most bytes of a modem frame [default: 64]. Below 16 packets are not protected against losses
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(MIN_MTU as i64..))]
     mtu: Option<u16>,
     /// What a modem frame takes beside its bytes, as bytes
     #[arg(long, value_name = "BYTES", default_value_t = 0)]
@@ -149,9 +142,9 @@ struct LinkArgs {
     /// What the topside sends takes the channel from the vehicle
     #[arg(long, requires = "return_delay")]
     half_duplex: bool,
-    /// Seconds from exposure to display
-    #[arg(long, value_name = "S", default_value_t = 1.5, value_parser = values::rate)]
-    latency: f64,
+    /// Seconds from exposure to display [default: 1.5, more on a link that needs more for a picture of --least bytes]
+    #[arg(long, value_name = "S", value_parser = values::rate)]
+    latency: Option<f64>,
     /// Seconds of that for search, coding and decoding
     #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = values::not_negative)]
     coding: f64,
@@ -159,9 +152,10 @@ struct LinkArgs {
     #[arg(long, value_name = "N", value_parser = values::rate)]
     frame_rate: Option<f64>,
     /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the
-    /// frame rate falls before quality does
-    #[arg(long = "least", value_name = "BYTES", default_value_t = 40)]
-    min_bytes: usize,
+    /// frame rate falls before quality does [default: 40; those of the prior at a pose, 24, if the link does not carry
+    /// 40 bytes in time]
+    #[arg(long = "least", value_name = "BYTES")]
+    min_bytes: Option<usize>,
     /// Most modem frames of a packet
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
     shares: u16,
@@ -199,8 +193,6 @@ struct Setting {
     /// Poses are predicted from those that the topside holds.
     predict_poses: bool,
     half_duplex: bool,
-    /// What updates may take; `None`: the vehicle does not learn.
-    updates: Option<UpdateOptions>,
     /// Those that both sides hold.
     keys: Option<Keys>,
     latency: f64,
@@ -212,7 +204,25 @@ struct Setting {
     seed: u64,
 }
 
+/// Bytes of a good picture, and of the prior at a pose, all counted.
+const GOOD_PICTURE: usize = 40;
+const BARE_PICTURE: usize = 24;
+/// Seconds from exposure to display.
+const LATENCY: f64 = 1.5;
+/// Times that a picture takes on the link for which its latency has room: those before it may take longer.
+const ROOM: f64 = 1.5;
+
 impl LinkArgs {
+    /// Fewest bytes of a picture, and seconds from exposure to display. `delay`: seconds of them that are no
+    /// transmission. `part`: the part of the others in which a packet's first share goes.
+    fn least_and_latency(&self, bit_rate: f64, delay: f64, part: f64) -> (usize, f64) {
+        let needed = |bytes: usize| delay + ROOM * 8.0 * bytes as f64 / bit_rate / part;
+        let is_slow = needed(GOOD_PICTURE) > self.latency.unwrap_or(LATENCY);
+        let usual = if is_slow { BARE_PICTURE } else { GOOD_PICTURE };
+        let least = self.min_bytes.unwrap_or(usual);
+        (least, self.latency.unwrap_or(LATENCY.max(needed(least))))
+    }
+
     fn setting(
         &self,
         chance: f64,
@@ -221,9 +231,6 @@ impl LinkArgs {
         args: &Args,
     ) -> Result<Setting, ModemError> {
         let fps = args.fps;
-        let share = args.update_share;
-        let repeat = UpdateOptions::default().repeat.min(share);
-        let updates = UpdateOptions { share, repeat, ..UpdateOptions::default() };
         let (bit_rate, mtu, propagation) = match self.preset {
             None => (5_000.0, 64, 0.1),
             Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
@@ -233,12 +240,14 @@ impl LinkArgs {
         loss.check()?;
         let assumed = Loss { chance: self.assume_loss.unwrap_or(chance), ..loss };
         let propagation = self.propagation.unwrap_or(propagation);
-        let left = (self.latency - self.coding - propagation).max(0.0);
-        let spread = if assumed.chance > 0.0 { 0.5 * left } else { 0.0 };
+        let (bit_rate, delay) = (self.bit_rate.unwrap_or(bit_rate), self.coding + propagation);
+        let spread = if assumed.chance > 0.0 { 0.5 } else { 0.0 };
+        let (min_bytes, latency) = self.least_and_latency(bit_rate, delay, 1.0 - spread);
+        let spread = spread * (latency - delay).max(0.0);
         let setting = Setting {
             mode,
             tune: args.tune.tune(),
-            bit_rate: self.bit_rate.unwrap_or(bit_rate),
+            bit_rate,
             mtu: self.mtu.unwrap_or(mtu).into(),
             overhead: self.overhead,
             propagation,
@@ -251,13 +260,12 @@ impl LinkArgs {
             report_every: self.report_every,
             predict_poses: !self.state_poses,
             half_duplex: self.half_duplex,
-            updates: args.learn.then_some(updates),
             keys: keys.cloned(),
-            latency: self.latency,
+            latency,
             coding: self.coding,
             fps,
             frame_rate: self.frame_rate.unwrap_or(fps),
-            min_bytes: self.min_bytes,
+            min_bytes,
             shares: self.shares.into(),
             seed: self.seed,
         };
@@ -287,9 +295,11 @@ impl Setting {
         SenderOptions {
             control,
             stream: 0,
-            protection: Protection::Layers,
+            protection: match self.mtu {
+                ..MIN_CHECKED_MTU => Protection::None,
+                MIN_CHECKED_MTU.. => Protection::Layers,
+            },
             expect_reports: self.return_delay.is_some(),
-            updates: self.updates,
         }
     }
 
@@ -362,10 +372,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let inputs = args.input.frames()?;
     let engine = args.device.open()?;
-    let scene = match args.learn {
-        true => args.prior.upload_for_updates(&engine)?,
-        false => args.prior.upload(&engine)?,
-    };
+    let scene = args.prior.upload(&engine)?;
     let mut footage = footage(args, &mut Preprocessor::new(scene.preprocessing()))?;
     let frames = match args.seconds {
         Some(seconds) => ((seconds * args.fps) as usize).max(1),
@@ -432,7 +439,6 @@ mod tests {
             report_every: 1.0,
             predict_poses: true,
             half_duplex: false,
-            updates: None,
             keys: None,
             latency: 1.5,
             coding: 0.1,

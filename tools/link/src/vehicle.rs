@@ -3,11 +3,8 @@
 use std::sync::Arc;
 
 use nvsprior::keys::{Keys, Seen};
-use nvsprior::learning::LearnOptions;
-use nvsprior::modem::{
-    Division, ModemError, PacketState, Protection, Report, Sender, SenderOptions,
-};
-use nvsprior::packet::Extent;
+use nvsprior::modem::{Division, ModemError, PacketState, Report, Sender, SenderOptions};
+use nvsprior::packet::{Extent, residual_part_len};
 use nvsprior::render::Scene;
 use nvsprior::residual::Tune;
 use nvsprior::tracking::FrameInfo;
@@ -25,7 +22,7 @@ pub struct VehicleOptions {
     pub frames_treated: bool,
     /// See [`EncoderOptions::truth`].
     pub truth: bool,
-    /// See [`EncoderOptions::predict_poses`]: if the sender protects packets and expects reports.
+    /// See [`EncoderOptions::predict_poses`]: if the sender expects reports.
     pub predict_poses: bool,
 }
 
@@ -40,19 +37,6 @@ pub struct SentPacket {
     pub psnr: f64,
     pub certain: bool,
     pub inter: bool,
-    /// Number of the update that it is drawn with; 0: the prior alone.
-    pub update: u16,
-}
-
-/// An update that was learnt and sent.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct SentUpdate {
-    pub number: u16,
-    pub bytes: usize,
-    /// When it was proven, seconds.
-    pub proven: f64,
-    /// From when on frames were drawn with it, seconds; `None`: not within the run.
-    pub adopted: Option<f64>,
 }
 
 /// What the bytes of packets are, without the frame numbers that shares tell by themselves.
@@ -79,19 +63,22 @@ impl PacketBytes {
         division: &Division,
         packet: &[u8],
         truth: usize,
-        tag: usize,
+        (overhead, tag): (usize, usize),
     ) -> Result<PacketBytes, ModemError> {
-        let Division { shares, share_bytes, header_bytes, packet_bytes, .. } = *division;
-        let Extent { head, told_by_shares, framing, .. } = Extent::read(packet)?;
-        let latent = head - told_by_shares;
-        let residual = packet_bytes - latent;
+        let Division { shares, header_bytes, packet_bytes, left_out, link_bytes, .. } = *division;
+        let Extent { head, has_content, .. } = Extent::read(packet)?;
+        let residual = packet_bytes.saturating_sub(head);
+        let sent = link_bytes.saturating_sub(shares * overhead + header_bytes);
+        let parity = sent.saturating_sub(packet_bytes - left_out);
+        let latent = sent - parity - residual;
+        let framing = if has_content { residual_part_len(0) } else { 0 };
         Ok(PacketBytes {
             latent,
             residual,
             framing: framing.min(residual),
             truth,
             headers: header_bytes,
-            parity: shares * share_bytes - header_bytes - packet_bytes,
+            parity,
             tags: shares * tag,
         })
     }
@@ -111,7 +98,6 @@ pub struct Vehicle {
     next: usize,
     /// Bytes of shares that were sent again.
     pub resent: usize,
-    pub updates: Vec<SentUpdate>,
 }
 
 /// A camera frame that a vehicle takes.
@@ -127,8 +113,7 @@ pub struct CameraFrame<'a> {
 }
 
 impl Vehicle {
-    /// It learns if its sender sends updates; `scene` must have been uploaded for them then. `keys`: those of its modem
-    /// frames, and of the reports that it takes.
+    /// `keys`: those of its modem frames, and of the reports that it takes.
     pub fn new(
         engine: &Engine,
         scene: &Arc<Scene>,
@@ -137,25 +122,20 @@ impl Vehicle {
         keys: Option<&Keys>,
     ) -> anyhow::Result<Vehicle> {
         let VehicleOptions { sender, mode, tune, threshold, frames_treated, truth, .. } = *options;
-        let is_protected = sender.protection == Protection::Layers;
         let options = EncoderOptions {
             threshold,
             frames_treated,
             mode,
             tune,
             truth,
-            predict_poses: options.predict_poses && is_protected && sender.expect_reports,
+            predict_poses: options.predict_poses && sender.expect_reports,
             ..Default::default()
         };
-        let mut encoder = Encoder::new(engine, scene, camera, options)?;
-        let learns = sender.updates.is_some();
+        let encoder = Encoder::new(engine, scene, camera, options)?;
         let sender = match keys {
             Some(keys) => Sender::with_keys(sender, keys)?,
             None => Sender::new(sender)?,
         };
-        if learns {
-            encoder.learn(&LearnOptions::default())?;
-        }
         Ok(Vehicle {
             encoder,
             sender,
@@ -163,20 +143,17 @@ impl Vehicle {
             tag: keys.map_or(0, Keys::overhead),
             next: 0,
             resent: 0,
-            updates: Vec::new(),
         })
     }
 
     /// Takes a frame, and divides its packet into shares. `ready` tells when that is, seconds; it is asked when the
-    /// frame is coded. `None`: the link has no bytes for the frame, so it is left out. Call [`Vehicle::learn`] once
-    /// the shares that are due are sent.
+    /// frame is coded. `None`: the link has no bytes for the frame, so it is left out.
     pub fn take(
         &mut self,
         frame: &CameraFrame,
         ready: impl FnOnce() -> f64,
     ) -> anyhow::Result<Option<SentPacket>> {
         let CameraFrame { number, exposed, picture, info, user } = *frame;
-        self.adopt(exposed);
         let Some(bytes) = self.sender.plan(exposed)? else { return Ok(None) };
         self.encoder.skip((number - self.next) as u32);
         self.next = number + 1;
@@ -186,16 +163,16 @@ impl Vehicle {
         let packet = &self.encoded.packet;
         let division = self.sender.push(ready(), packet, user)?;
         let stats = &self.encoded.stats;
+        let costs = (self.sender.options().overhead, self.tag);
         Ok(Some(SentPacket {
             frame: number,
             number: stats.frame,
             exposed,
-            bytes: PacketBytes::of(&division, packet, stats.truth_bytes, self.tag)?,
+            bytes: PacketBytes::of(&division, packet, stats.truth_bytes, costs)?,
             render_psnr: stats.render_psnr,
             psnr: stats.psnr,
             certain: stats.certain,
             inter: stats.reference.is_some(),
-            update: self.encoder.learnt().number(),
         }))
     }
 
@@ -207,38 +184,6 @@ impl Vehicle {
     /// The encoder: its mask, its region of interest.
     pub fn encoder(&mut self) -> &mut Encoder {
         &mut self.encoder
-    }
-
-    /// Draws with the update that waits, once the topside holds it.
-    fn adopt(&mut self, now: f64) {
-        let Some(number) = self.sender.held_update() else { return };
-        if self.encoder.adopt(number) {
-            let sent = self.updates.iter_mut().find(|sent| sent.number == number);
-            sent.into_iter().for_each(|sent| sent.adopted = Some(now));
-        }
-    }
-
-    /// Learns from the last frame, and sends the update that it proves. What the sender has no room for is dropped.
-    pub fn learn(&mut self, now: f64) -> anyhow::Result<()> {
-        let Some(price) = self.sender.update_price() else { return Ok(()) };
-        self.encoder.learn_more(price)?;
-        let Some(update) = self.encoder.take_update() else { return Ok(()) };
-        match self.sender.push_update(now, &update) {
-            Err(ModemError::UpdatesFull { .. } | ModemError::UpdateTooLong { .. }) => {
-                self.encoder.drop_update();
-                return Ok(());
-            }
-            pushed => pushed?,
-        }
-        let number = self.encoder.waiting_update().unwrap_or(0);
-        let (bytes, proven) = (update.len(), now);
-        self.updates.push(SentUpdate { number, bytes, proven, adopted: None });
-        Ok(())
-    }
-
-    /// Bytes on the link of the updates' pieces.
-    pub fn piece_bytes(&self) -> usize {
-        self.sender.statistics().piece_bytes as usize
     }
 
     /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its

@@ -1,9 +1,8 @@
 #!/usr/bin/env python3
 """Decodes packets as `nvsprior decode` does. Usage: decode.py PRIOR PACKETS --frames DIR [--joined] [--key FILE]
 
-PRIOR: .ply or .nvsg, with PRIOR.tables beside it if there is one. PACKETS: a folder of NAME.nvsp, and NAME.nvsu or
-dive updates beside them. --joined: packets may be cut, but are undamaged. --key, --epoch and --tag: as those of
-`nvsprior encode`.
+PRIOR: .ply, .nvsg or .nvsb. PACKETS: a folder of NAME.nvsp.
+--joined: packets may be cut, but are undamaged. --key, --epoch and --tag: as those of `nvsprior encode`.
 """
 
 import argparse
@@ -12,7 +11,7 @@ from pathlib import Path
 
 from nvs.bits import Refused, png
 from nvs.decoder import Decoder
-from nvs.keys import PACKET, UPDATE, Files, Verifier, read_keys
+from nvs.keys import PACKET, Files, Verifier, read_keys
 from nvs.prior import open_prior
 
 
@@ -26,17 +25,17 @@ def main():
     parser.add_argument("--epoch", type=int, default=0)
     parser.add_argument("--tag", type=int, default=4)
     args = parser.parse_args()
-    packet = update = bytes
+    content = bytes
     if args.key:
         keys = read_keys(args.key.read_text())
-        packet, update = (Files(Verifier(keys, kind, args.tag, args.epoch)).verify for kind in (PACKET, UPDATE))
+        content = Files(Verifier(keys, PACKET, args.tag, args.epoch)).verify
     decoder = Decoder(open_prior(args.prior), args.joined)
     args.frames.mkdir(parents=True, exist_ok=True)
     paths = sorted(args.packets.glob("*.nvsp"))
     failed = 0
     for path in paths:
         try:
-            decoded = decoder.decode(packet(path.read_bytes()))
+            decoded = decoder.decode(content(path.read_bytes()))
         except Refused as refused:
             print(f"{path}: refused: {refused}", file=sys.stderr)
             failed += 1
@@ -45,8 +44,6 @@ def main():
                 print(f"{path}: {decoded.damage}", file=sys.stderr)
             height, width, _ = decoded.picture.shape
             (args.frames / f"{path.stem}.png").write_bytes(png(width, height, decoded.picture.tobytes()))
-        if path.with_suffix(".nvsu").exists():
-            decoder.add_update(update(path.with_suffix(".nvsu").read_bytes()))
     print(f"{len(paths) - failed} of {len(paths)} packets decoded")
     return 1 if failed else 0
 

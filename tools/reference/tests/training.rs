@@ -5,8 +5,7 @@ mod common;
 
 use glam::DVec3;
 
-use nvsprior::prior::update::{COLOUR_STEP, LOG_SCALE_STEP, LOGIT_STEP, LOGITS, ROTATION_STEPS};
-use nvsprior::prior::{LearntSplat, NewSplat, Splats, UpdateGrid};
+use nvsprior::prior::Splats;
 use nvsprior::random::Random;
 use nvsprior::render::training::{
     FADING, Trainer, Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
@@ -333,12 +332,8 @@ fn only_splats_in_view_and_in_use_move() {
     common::assert_silent(&engine);
 }
 
-/// The steps of an update's numbers.
-const GRID: UpdateGrid = UpdateGrid { origin: [0.0; 3], exponent: -5 };
-
-fn rounding() -> [f32; 5] {
-    [GRID.step() as f32, LOG_SCALE_STEP, 1.0 / f32::from(ROTATION_STEPS), LOGIT_STEP, COLOUR_STEP]
-}
+/// Steps of positions, log scales, rotations, opacity logits, colours.
+const ROUNDING: [f32; 5] = [1.0 / 32.0, 0.25, 1.0 / 6.0, 0.5, 0.125];
 
 /// The twin of the device's rounding.
 fn rounded(value: f32, step: f32) -> f32 {
@@ -358,7 +353,7 @@ fn rounded_rotation(q: [f32; 4], step: f32) -> [f32; 4] {
 
 /// Splats as a training that rounds them draws them.
 fn rounded_splats(splats: &Splats) -> Splats {
-    let [position, log_scale, rotation, logit, colour] = rounding();
+    let [position, log_scale, rotation, logit, colour] = ROUNDING;
     let mut splats = splats.clone();
     let stride = splats.sh_stride();
     splats.positions.as_flattened_mut().iter_mut().for_each(|v| *v = rounded(*v, position));
@@ -379,7 +374,7 @@ fn assert_rounds(what: &str, case: &Case) {
     let other = Case { splats: rounded_splats(&case.splats), frame: case.frame.clone(), ..*case };
     let mut trainers = [case.trainer(&engine), other.trainer(&engine)];
     let plain = trainers[0].gradients(&view, &case.training()).unwrap();
-    let training = Training { rounding: rounding(), ..case.training() };
+    let training = Training { rounding: ROUNDING, ..case.training() };
     let by_device = trainers[0].gradients(&view, &training).unwrap();
     let by_host = trainers[1].gradients(&view, &case.training()).unwrap();
     let n = case.splats.positions.len();
@@ -410,39 +405,4 @@ fn rounded_splats_have_the_gradients_of_round_ones() {
         assert!(case.splats.rotations.iter().any(|q| q[0] < 0.0));
         assert_rounds(&format!("{kind:?}, degree {degree}"), &case);
     }
-}
-
-/// What training rounds to is what an update can say, as long as no axes are exchanged: here no splat is turned far.
-#[test]
-fn rounded_splats_are_those_of_an_update() {
-    assert_eq!(ROUNDED_LOGITS, [*LOGITS.start(), *LOGITS.end()].map(f32::from));
-    let mut case = Case::new(Kind::Ordinary, 0, RenderOptions::INRIA, 0.3);
-    let mut random = Random::new(3);
-    for i in 0..case.splats.positions.len() {
-        let sign = if i % 2 == 0 { 0.9 } else { -1.3 };
-        let [x, y, z] = random.triple(-0.2, 0.2);
-        let w = (1.0 - x * x - y * y - z * z).sqrt();
-        case.splats.rotations[i] = [w, x, y, z].map(|v| sign * v);
-        let [a, b, c] = random.triple(-0.1, 0.1);
-        case.splats.log_scales[i] = [a - 3.0, b - 2.0, c - 1.3];
-    }
-    case.splats.opacity_logits[..2].copy_from_slice(&[-9.0, 9.0]);
-    let round = rounded_splats(&case.splats);
-    let splat = |splats: &Splats, i: usize| LearntSplat {
-        position: splats.positions[i],
-        log_scale: splats.log_scales[i],
-        rotation: splats.rotations[i],
-        logit: splats.opacity_logits[i],
-        colour: [0, 1, 2].map(|k| splats.sh[3 * i + k]),
-    };
-    for i in 0..case.splats.positions.len() {
-        let said = NewSplat::nearest(&splat(&case.splats, i), &GRID).learnt(&GRID);
-        let own = LearntSplat { rotation: said.rotation, ..splat(&round, i) };
-        assert_eq!(own, said, "splat {i}");
-        let size = round.rotations[i][0].signum() * if i % 2 == 0 { 0.9 } else { 1.3 };
-        for (own, said) in round.rotations[i].iter().zip(said.rotation) {
-            assert!((own / size - said).abs() < 1e-6, "splat {i}: {own}, in the update {said}");
-        }
-    }
-    assert_rounds("small turns", &case);
 }

@@ -17,7 +17,7 @@ use std::collections::HashSet;
 
 use glam::DVec3;
 
-use nvsprior::prior::{Doubt, PriorError};
+use nvsprior::prior::PriorError;
 use nvsprior::render::{Plan, Renderer};
 use nvsprior::truth::BLOCK;
 use nvsprior::vulkan::Error as DeviceError;
@@ -66,7 +66,7 @@ pub fn doubt_of<'a>(
     prior: &Prior,
     pictures: impl IntoIterator<Item = (&'a PosedPicture, Pose)>,
     told: &mut dyn FnMut(),
-) -> Result<Doubt, DoubtError> {
+) -> Result<Vec<u8>, DoubtError> {
     let scene = engine.upload(prior)?;
     let mut blender = Blender::new(engine, prior)?;
     let mut seen = vec![Seen::default(); prior.len()];
@@ -98,8 +98,7 @@ pub fn doubt_of<'a>(
         }
         told();
     }
-    let of = seen.iter().map(Seen::doubt).collect();
-    Ok(Doubt::new(prior, of)?)
+    Ok(seen.iter().map(Seen::doubt).collect())
 }
 
 /// From where a camera looks at a place: direction and distance, coarsely.

@@ -4,7 +4,7 @@
 #[path = "../../../tests/common/mod.rs"]
 mod common;
 
-use nvsprior::prior::{RenderOptions, Splats};
+use nvsprior::prior::{Extras, RenderOptions, Splats};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, DoubtLevel, DoubtMap, DoubtView, Picture, Pose, Prior};
 use nvsprior_train::PosedPicture;
@@ -49,7 +49,9 @@ fn map_of(prior: &Prior, pictures: &[PosedPicture], pose: &Pose) -> DoubtMap {
     let doubt = doubt_of(&engine, prior, posed, &mut || told += 1).unwrap();
     assert_eq!(told, pictures.len());
     let mut map = DoubtMap::default();
-    let mut view = DoubtView::new(&engine, prior, Some(&doubt)).unwrap();
+    let extras = Extras { doubt: Some(doubt), ..prior.extras().clone() };
+    let doubtful = prior.clone().with_extras(extras).unwrap();
+    let mut view = DoubtView::new(&engine, &doubtful).unwrap();
     view.draw(&CAMERA, pose, &mut map).unwrap();
     assert_eq!((map.columns, map.rows, map.levels.len()), (6, 4, 24));
     map
@@ -90,7 +92,7 @@ fn what_no_picture_saw_is_doubtful() {
     let above = Pose::exp(&[0.0, 1.4, 0.0, 0.0, 0.0, 0.0]);
     let map = map_of(&prior, &pictures, &above);
     assert_eq!(level(&map, 1, 0), DoubtLevel::Doubtful as u8, "{map:?}");
-    let mut view = DoubtView::new(&common::engine(), &prior, None).unwrap();
+    let mut view = DoubtView::new(&common::engine(), &prior).unwrap();
     let mut unknown = DoubtMap::default();
     view.draw(&CAMERA, &Pose::IDENTITY, &mut unknown).unwrap();
     assert_eq!(level(&unknown, 1, 1), DoubtLevel::Doubtful as u8, "nothing vouches for it");

@@ -2,7 +2,6 @@
 
 use std::ffi::c_int;
 use std::mem::MaybeUninit;
-use std::ptr::null_mut;
 
 use libwebp_sys as sys;
 
@@ -49,30 +48,4 @@ pub fn decode_rgb(file: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) ->
         sys::WebPDecodeRGBInto(file.as_ptr(), file.len(), rgb.as_mut_ptr(), rgb.len(), stride)
     });
     (!decoded.is_null()).then_some(())
-}
-
-/// Decodes the beginning of a file, as far as it goes, as [`decode_rgb`] decodes a whole one. Returns the number of
-/// rows written, or `None` if it is damaged.
-pub fn decode_rows(start: &[u8], width: u32, rgb: &mut [u8], arena: &mut Arena) -> Option<usize> {
-    let stride = c_int::try_from(width).ok()?.checked_mul(3)?;
-    let mut rows = 0;
-    // SAFETY: pointers and lengths are those of slices that outlive the decoder, which is deleted
-    // before the arena ends. Results that are not wanted have null pointers.
-    let status = arena.lend(|| unsafe {
-        let mode = sys::WEBP_CSP_MODE::MODE_RGB;
-        let decoder = sys::WebPINewRGB(mode, rgb.as_mut_ptr(), rgb.len(), stride);
-        if decoder.is_null() {
-            return sys::VP8StatusCode::VP8_STATUS_OUT_OF_MEMORY;
-        }
-        let status = sys::WebPIUpdate(decoder, start.as_ptr(), start.len());
-        sys::WebPIDecGetRGB(decoder, &mut rows, null_mut(), null_mut(), null_mut());
-        sys::WebPIDelete(decoder);
-        status
-    });
-    match status {
-        sys::VP8StatusCode::VP8_STATUS_OK | sys::VP8StatusCode::VP8_STATUS_SUSPENDED => {
-            usize::try_from(rows).ok()
-        }
-        _ => None,
-    }
 }

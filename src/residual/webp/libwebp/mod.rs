@@ -4,6 +4,6 @@ mod decode;
 mod encode;
 mod memory;
 
-pub use decode::{decode_rgb, decode_rows, features};
+pub use decode::{decode_rgb, features};
 pub use encode::{Lossy, encode_rgb};
 pub use memory::Arena;

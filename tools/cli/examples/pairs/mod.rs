@@ -29,7 +29,7 @@ impl Run {
 fn pairs_of(engine: &Engine, [prior, cameras, split]: &[String; 3]) -> anyhow::Result<Vec<Pair>> {
     let scene = engine.upload(&Prior::open(prior.as_ref(), &Default::default())?)?;
     let input = InputArgs {
-        cameras: cameras.into(),
+        cameras: Some(cameras.into()),
         split: (split != "-").then(|| split.clone()),
         limit: None,
         size: SizeArgs::default(),

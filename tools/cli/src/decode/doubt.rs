@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::prior::Doubt;
 use nvsprior::{Decoder, DoubtMap, DoubtView, Engine, Pose};
 use nvsprior_inputs::args::PriorArgs;
 use nvsprior_inputs::values;
@@ -19,17 +18,12 @@ impl DoubtFolder {
     /// Reads the prior's doubt, and makes the folder.
     pub fn new(folder: &Path, engine: &Engine, prior: &PriorArgs) -> anyhow::Result<DoubtFolder> {
         values::make_folder("--doubt", folder)?;
-        let path = &prior.prior;
+        let path = prior.prior.display();
         let prior = prior.open()?;
-        let doubt = Doubt::open_beside(path, &prior)?;
-        if doubt.is_none() {
-            let beside = Doubt::path_beside(path);
-            eprintln!(
-                "{}: not there, so all that is mapped is doubtful; `nvsprior doubt` writes it",
-                beside.display()
-            );
+        if prior.extras().doubt.is_none() {
+            eprintln!("{path}: without doubt: all that is mapped is doubtful (`nvsprior doubt`)");
         }
-        let view = DoubtView::new(engine, &prior, doubt.as_ref())?;
+        let view = DoubtView::new(engine, &prior)?;
         Ok(DoubtFolder { folder: folder.to_owned(), view, map: DoubtMap::default() })
     }
 

@@ -1,5 +1,6 @@
 //! The frames that are encoded: those of a camera file, or those of a video.
 
+use anyhow::Context;
 use nvsprior::{Camera, Picture};
 use nvsprior_inputs::input::Input;
 use nvsprior_inputs::video_input::VideoFrames;
@@ -13,12 +14,16 @@ pub enum Frames {
 
 impl Frames {
     pub fn open(args: &Args) -> anyhow::Result<Frames> {
-        if let Some(video) = args.video.frames(&args.input)? {
+        let lens = || {
+            let file = args.prior.prior.display();
+            let lens = args.prior.lens()?;
+            lens.with_context(|| format!("{file}: it states no lens; give --cameras"))
+        };
+        if let Some(video) = args.video.frames(&args.input, lens)? {
             return Ok(Frames::Video(Box::new(video)));
         }
         let frames = args.input.frames()?;
         check_times(&frames)?;
-        args.learn.check(&frames)?;
         Ok(Frames::Files(frames.into_iter()))
     }
 

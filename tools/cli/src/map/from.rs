@@ -1,7 +1,7 @@
 //! `nvsprior map --from`: going on with a prior.
 
 use std::f64::consts::PI;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::{DQuat, DVec3};
 use nvsprior::render::Plan;
@@ -11,7 +11,7 @@ use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{MapOptions, Schedule};
 
 use super::inputs::InputArgs;
-use crate::record::{self, Row};
+use crate::record::{self, Dive};
 
 /// Which prior to go on with, and what to remember of it.
 #[derive(clap::Args)]
@@ -90,27 +90,20 @@ impl FromArgs {
         views(engine, prior, &camera, poses.iter().step_by(every))
     }
 
-    /// Writes what the prior learnt, before and now, beside the one that was made of it.
+    /// The dives that the prior was trained on, this one the last. `splats`: of the one that was made of it.
     pub fn record(
         &self,
         prior: &Prior,
         pictures: usize,
-        (out, made): (&Path, &Prior),
-    ) -> anyhow::Result<()> {
-        let Some(from) = &self.from else { return Ok(()) };
-        let mut rows = record::open_beside(from, prior)?;
-        rows.push(Row {
-            dive: self.dive.clone().unwrap_or_else(|| record::next_dive(&rows)),
-            update: None,
-            frames: [1, pictures as u32],
-            bytes: 0,
-            new: made.len().saturating_sub(prior.len()),
-            changed: 0,
-            removed: 0,
-            fades: 0,
-            place: None,
+        splats: usize,
+    ) -> anyhow::Result<Option<String>> {
+        let mut dives = record::of(prior)?;
+        dives.push(Dive {
+            name: self.dive.clone().unwrap_or_else(|| record::next_dive(&dives)),
+            pictures,
+            splats: splats.saturating_sub(prior.len()),
         });
-        Ok(record::save(&rows, out, made)?)
+        Ok(record::text_of(&dives))
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use glam::DVec3;
 use nvsprior::image::Preprocessing;
-use nvsprior::prior::{KeyFrames, Splats, ply, replace_file};
+use nvsprior::prior::{Besides, Extras, KeyFrames, Splats, ply, replace_file};
 use nvsprior::{Engine, Prior};
 use nvsprior_inputs::posed::PosedInput;
 use nvsprior_train::key_frames;
@@ -188,8 +188,13 @@ impl PartsRun<'_> {
         let PartsRun { args, options, container, preprocessing, .. } = self;
         let views: Vec<_> = views.iter().map(|view| (view.camera, view.pose)).collect();
         let key_frames = key_frames::of_run(splats, options.render.near, &views)?;
-        let bytes = container.write(splats, &options.render, &key_frames, None, preprocessing)?;
-        replace_file(&args.out, &bytes)?;
+        let lens = self.listed.train.first().map(|input| input.lens);
+        let preprocessing = *preprocessing;
+        let extras = Extras { key_frames, preprocessing, lens, ..Extras::default() };
+        let render = &options.render;
+        let besides = Besides { options: render, frame: None, coder_tables: None, extras: &extras };
+        let bytes = container.write(splats, &besides)?;
+        container.save(&args.out, &bytes)?;
         println!("{}: {} splats, {} bytes", args.out.display(), splats.len(), bytes.len());
         Ok(args.out.clone())
     }
@@ -207,8 +212,11 @@ impl PartsRun<'_> {
     }
 }
 
-/// Whether a file of the folder is one that this command writes there.
+/// Whether a file of the folder is one that this command writes there, or the half of one that a killed run left:
+/// `.NAME.PROCESS-ATTEMPT`.
 fn is_own(name: &str) -> bool {
+    let half = name.strip_prefix('.').and_then(|name| name.rsplit_once('.'));
+    let name = half.filter(|(_, end)| end.contains('-')).map_or(name, |(name, _)| name);
     let known = name.starts_with("part-") || name.starts_with("coarse-");
     known && (name.ends_with(".ply") || name.ends_with(".training"))
 }
@@ -235,6 +243,8 @@ mod tests {
         for (name, own) in [
             ("part-1-0123.ply", true),
             ("part-12.ply.training", true),
+            (".part-2.ply.training.4711-0", true),
+            (".harbour.ply.4711-0", false),
             ("coarse-1-0123.ply", true),
             ("harbour.ply", false),
             ("part-1.png", false),

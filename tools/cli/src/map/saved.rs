@@ -73,17 +73,13 @@ pub fn check_out(out: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Whether a name is that of a temporary file of [`replace_file`], of the prior, its state or its doubt:
-/// `.NAME.PROCESS-ATTEMPT`.
+/// Whether a name is that of a temporary file of [`replace_file`], of the prior or its state: `.NAME.PROCESS-ATTEMPT`.
 fn is_half(out: &Path, name: &OsString) -> bool {
     let (Some(out), Some(name)) = (out.file_name().and_then(|o| o.to_str()), name.to_str()) else {
         return false;
     };
     let rest = name.strip_prefix('.').and_then(|rest| rest.strip_prefix(out));
-    let rest = rest.map(|rest| {
-        let beside = [".training", ".doubt"].iter().find_map(|ending| rest.strip_prefix(ending));
-        beside.unwrap_or(rest)
-    });
+    let rest = rest.map(|rest| rest.strip_prefix(".training").unwrap_or(rest));
     let numbers = rest.and_then(|rest| rest.strip_prefix('.')).and_then(|n| n.split_once('-'));
     numbers.is_some_and(|(process, attempt)| {
         [process, attempt].iter().all(|n| n.parse::<u32>().is_ok())

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use indicatif::ProgressBar;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{PriorError, Splats, replace_file};
+use nvsprior::prior::{Besides, Extras, Splats};
 use nvsprior::{Engine, Prior};
 use nvsprior_train::trim::{Judge, Round, Step};
 
@@ -107,17 +107,16 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// The file of a reduced prior, with the whole one's key frames, coder tables and preprocessing.
-    fn content(&self, splats: &Splats) -> Result<Vec<u8>, PriorError> {
-        let (options, key_frames) = (self.prior.options(), self.prior.key_frames());
-        let tables = self.prior.coder_tables().map(AsRef::as_ref);
-        self.container.write(splats, options, key_frames, tables, self.prior.preprocessing())
+    /// The file of a reduced prior, with what the whole one holds besides splats. Its doubt is not known.
+    fn content(&self, splats: &Splats) -> anyhow::Result<Vec<u8>> {
+        let extras = Extras { doubt: None, ..self.prior.extras().clone() };
+        self.container.write(splats, &Besides { extras: &extras, ..self.prior.besides() })
     }
 
     /// Writes a prior to the file asked for, or replaces it; its bytes.
-    pub fn save(&self, splats: &Splats) -> Result<usize, PriorError> {
+    pub fn save(&self, splats: &Splats) -> anyhow::Result<usize> {
         let bytes = self.content(splats)?;
-        replace_file(&self.out, &bytes)?;
+        self.container.save(&self.out, &bytes)?;
         Ok(bytes.len())
     }
 

@@ -35,7 +35,6 @@ fn what_blocks_cannot_do_is_refused() {
     assert!(!dive.path("wall.nvsb").exists());
     dive.run("blocks prior.ply --out wall.nvsb").ends_with(0);
     let in_blocks = format!("{ENCODE} wall.nvsb --prior-memory 2 --packets packets");
-    dive.run(&format!("{in_blocks} --learn")).ends_with(1).says("loaded whole");
     dive.run(&format!("{in_blocks} --near 0.1")).ends_with(1).says("options of the file");
     let whole = format!("{ENCODE} prior.ply --prior-memory 2 --packets packets");
     dive.run(&whole).ends_with(1).says("prior.ply");

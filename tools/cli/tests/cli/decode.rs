@@ -49,7 +49,10 @@ fn one_bad_packet_does_not_stop_the_others() {
     let dive = Dive::new();
     dive.encode("--frames-out seen");
     std::fs::write(dive.path("packets/1.nvsp"), b"no packet").unwrap();
-    dive.run(DECODE).ends_with(1).says("packets/1.nvsp: not a packet").says("1 of 3 packets");
+    dive.run(DECODE)
+        .ends_with(1)
+        .says("packets/1.nvsp: latent part: damaged")
+        .says("1 of 3 packets");
     assert!(!dive.path("out/1.png").exists());
     assert_eq!(dive.bytes("out/2.png"), dive.bytes("seen/2.png"));
 }

@@ -1,6 +1,5 @@
 //! The demo: its prior, as it comes with the program, against the basin's runs; and runs that are only drawn.
 
-use nvsprior::prior::Doubt;
 use nvsprior::render::Plan;
 use nvsprior::{Encoder, EncoderOptions, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, Run, inspection_run};
@@ -44,14 +43,11 @@ fn follows(run: Run) {
 }
 
 #[test]
-fn the_doubt_that_comes_with_the_program_is_that_of_its_prior() {
-    let dive = Dive::without_frames();
-    let path = dive.path("shipped.nvsg");
-    std::fs::write(&path, nvsprior_basin::PRIOR).unwrap();
-    std::fs::write(Doubt::path_beside(&path), nvsprior_basin::DOUBT).unwrap();
-    let prior = Prior::open(&path, &Default::default()).unwrap();
-    let doubt = Doubt::open_beside(&path, &prior).unwrap().unwrap();
-    assert!(doubt.of_splats().iter().any(|doubt| *doubt <= 16));
+fn the_prior_that_comes_with_the_program_has_its_doubt() {
+    let prior = Prior::from_bytes(nvsprior_basin::PRIOR, "shipped", &Default::default()).unwrap();
+    let doubt = prior.extras().doubt.as_ref().unwrap();
+    assert_eq!(doubt.len(), prior.len());
+    assert!(doubt.iter().any(|doubt| *doubt <= 16));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use nvsprior::Prior;
 use nvsprior::filter_weights::{FRACTION, FilterWeights};
-use nvsprior::prior::filter_file;
+use nvsprior::prior::{Extras, extras_file};
 
 use crate::dive::{Dive, FRAMES};
 use crate::study::row;
@@ -21,25 +21,27 @@ fn trained_beside_the_prior_and_needed_on_one_side() {
     let text = dive.run("inspect prior.ply").ends_with(0).stdout;
     assert_eq!(row(&text, "display filter"), "the library's own, for any scene");
     // A damaged file is named, and replaced.
-    std::fs::write(dive.path("prior.ply.filter"), "broken").unwrap();
-    dive.run("inspect prior.ply").ends_with(1).says("prior.ply.filter: filter weights, byte 0");
+    std::fs::write(dive.path("prior.ply.nvsx"), "broken").unwrap();
+    dive.run("inspect prior.ply").ends_with(1).says("prior.ply.nvsx: neither");
     let text = dive.run(&format!("{FILTER} prior.ply")).ends_with(0).stdout;
     assert_eq!(row(&text, "frames"), "4, 4 certain: 3 learned from, 1 held out");
     let size = FilterWeights::encoded_len();
-    assert_eq!(row(&text, "written"), format!("prior.ply.filter, {size} bytes"));
+    assert!(row(&text, "written").starts_with("prior.ply.nvsx, "), "{text}");
     let prior = open(&dive, "prior.ply");
     assert_eq!(prior.id(), id, "it is no part of the prior's identity");
     assert_ne!(prior.filter_weights().map(|w| &**w), Some(&FilterWeights::generic()));
     let text = dive.run("inspect prior.ply").ends_with(0).stdout;
-    let expected = format!("the scene's own, in the file beside it: {size} bytes");
+    let expected = format!("the scene's own, {size} bytes");
     assert_eq!(row(&text, "display filter"), expected);
     // Packets from before it was there are filtered, or not, as the topside likes: here by weights that make all
     // pixels brighter by two levels.
     let mut layers = FilterWeights::zero().layers().to_vec();
     let last = layers.last_mut().unwrap();
     last.biases.iter_mut().for_each(|bias| bias[0] += 2 * FRACTION);
-    filter_file::save(&FilterWeights::new(layers).unwrap(), &dive.path("prior.ply.filter"))
-        .unwrap();
+    let weights = Some(FilterWeights::new(layers).unwrap().into());
+    let extras = Extras { filter_weights: weights, ..Extras::default() };
+    let beside = extras_file::to_bytes(&extras, id, prior.len());
+    std::fs::write(dive.path("prior.ply.nvsx"), beside).unwrap();
     let decode = "decode --prior prior.ply --packets packets --frames";
     dive.run(&format!("{decode} plain")).ends_with(0);
     let text = dive.run(&format!("{decode} filtered --filter")).ends_with(0).stdout;

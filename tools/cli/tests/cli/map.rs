@@ -6,6 +6,7 @@ use nvsprior::Prior;
 use serde_json::{Value, json};
 
 use crate::dive::Dive;
+use crate::scene::CAMERA;
 use crate::study::row;
 
 const MAP: &str = "map --cameras cameras.json --split dive --splats 400 --iterations 60";
@@ -30,25 +31,32 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     let encode = "encode --prior a.ply --cameras cameras.json --split dive --packets packets";
     dive.run(encode).ends_with(0);
     assert!(!dive.path("a.ply.training").exists());
-    // What it knows of its own faults lies beside it, and is drawn.
-    assert_eq!(dive.bytes("a.ply.doubt").len(), 17 + prior.len());
+    // A .ply has no place for its doubt, which is added beside it.
+    assert!(!dive.path("a.ply.nvsx").exists());
     let decode = "decode --prior a.ply --packets packets --frames out --doubt doubt";
-    dive.run(decode).ends_with(0);
-    let doubt = image::open(dive.path("doubt/0.png")).unwrap().to_luma8();
-    assert!(doubt.pixels().all(|pixel| pixel.0[0] < 3));
-    std::fs::remove_file(dive.path("a.ply.doubt")).unwrap();
-    dive.run(decode).ends_with(0).says("a.ply.doubt").says("`nvsprior doubt`");
+    dive.run(decode).ends_with(0).says("a.ply: without doubt").says("`nvsprior doubt`");
     let cameras = "--cameras cameras.json --split dive";
     let check = "--check cameras.json --check-split dive";
     let run = dive.run(&format!("doubt --prior a.ply {cameras} {check}")).ends_with(0);
     assert!(run.stdout.contains("ranked right"), "{}", run.stdout);
-    assert!(dive.path("a.ply.doubt").exists());
+    assert!(dive.path("a.ply.nvsx").exists());
+    dive.run(decode).ends_with(0);
+    let doubt = image::open(dive.path("doubt/0.png")).unwrap().to_luma8();
+    assert!(doubt.pixels().all(|pixel| pixel.0[0] < 3));
     // The same input, the same bytes.
     dive.run(&format!("{MAP} --out b.ply")).ends_with(0);
     assert_eq!(dive.bytes("a.ply"), dive.bytes("b.ply"));
     dive.run(&format!("{MAP} --out b.nvsg --minutes 0.01").replace("--iterations 60", ""))
         .ends_with(0);
-    assert!(dive.bytes("b.nvsg").len() < dive.bytes("b.ply").len());
+    // One file holds all.
+    let own = Prior::open(&dive.path("b.nvsg"), &Default::default()).unwrap();
+    let extras = own.extras();
+    assert_eq!(extras.doubt.as_ref().map(Vec::len), Some(own.len()));
+    assert!(!extras.key_frames.is_empty() && extras.lens.is_some());
+    assert_eq!(extras.lens.unwrap().size(), (CAMERA.width, CAMERA.height));
+    let names = std::fs::read_dir(dive.path(".")).unwrap();
+    let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    assert_eq!(names.filter(|name| name.starts_with("b.nvsg")).count(), 1);
 }
 
 #[test]
@@ -178,10 +186,10 @@ fn a_prior_goes_on_with_the_pictures_of_a_later_dive() {
     dive.run(&format!("{FROM} --out b.nvsg")).ends_with(0);
     assert_eq!(dive.bytes("a.nvsg"), dive.bytes("b.nvsg"));
     let second = FROM.replace("prior.ply", "a.nvsg");
-    dive.run(&format!("{second} --out c.ply --dive second")).ends_with(0);
-    let text = dive.run("inspect c.ply").ends_with(0).stdout;
-    assert!(row(&text, "dive 1").starts_with("map: trained on 3 pictures"), "{text}");
-    assert!(row(&text, "dive second").starts_with("map: trained on 3 pictures"), "{text}");
+    dive.run(&format!("{second} --out c.nvsg --dive second")).ends_with(0);
+    let text = dive.run("inspect c.nvsg").ends_with(0).stdout;
+    assert!(row(&text, "dive 1").starts_with("trained on 3 pictures"), "{text}");
+    assert!(row(&text, "dive second").starts_with("trained on 3 pictures"), "{text}");
     // Earlier pictures in place of its views.
     dive.run(&format!("{FROM} --earlier cameras.json --out d.nvsg")).ends_with(0);
     assert_ne!(dive.bytes("a.nvsg"), dive.bytes("d.nvsg"));

@@ -1,7 +1,6 @@
 //! White balance and CLAHE: `map` states them in the prior, and what the other commands make of that.
 
 use nvsprior::image::{Clahe, Preprocessing};
-use nvsprior::prior::KeyFrames;
 use nvsprior::prior::compact::{self, Quantisation};
 
 use crate::dive::{Dive, FRAMES, pictures};
@@ -76,12 +75,11 @@ fn copies_and_reduced_priors_keep_it() {
     let dive = preprocessed();
     let prior = open(&dive, "prior.ply");
     let mut bytes = Vec::new();
-    let (none, q) = (KeyFrames::NONE, Quantisation::default());
-    compact::write(prior.splats(), prior.options(), &none, &q, &mut bytes).unwrap();
-    let bytes = compact::with_preprocessing(&bytes, prior.preprocessing()).unwrap();
+    let q = Quantisation::default();
+    compact::write(prior.splats(), &prior.besides(), &q, &mut bytes).unwrap();
     std::fs::write(dive.path("prior.nvsg"), bytes).unwrap();
     for command in [
-        "key-frames prior.ply --cameras cameras.json --cover 0 --out keys.ply",
+        "key-frames prior.ply --cameras cameras.json --cover 0 --out own.nvsg",
         "key-frames prior.nvsg --cameras cameras.json --cover 0 --out keys.nvsg",
         "tables --cameras cameras.json --rounds 1 --prior prior.nvsg --out tables.nvsg",
         "trim prior.ply --cameras cameras.json --steps 1 --share 0.3 --out trimmed.ply",

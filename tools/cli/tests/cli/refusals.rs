@@ -18,7 +18,7 @@ fn help_of_every_subcommand() {
         "render",
         "inspect",
         "trim",
-        "merge",
+        "import",
         "blocks",
         "map",
         "key-frames",
@@ -78,7 +78,7 @@ fn wrong_usage_ends_with_2() {
         ("demo --video quay.mp4 --width 640", "--width"),
         ("demo --rate -3", "between 0.1 and 1000 frames per second"),
         ("demo --run T4 --mapping-run", "--mapping-run"),
-        ("split a.nvsp --mtu 30 --out frames", "31"),
+        ("split a.nvsp --mtu 7 --out frames", "8..=65535"),
         ("split a.nvsp --mtu 64", "--out"),
         ("join --out packets", "<DIR>"),
     ] {

@@ -3,7 +3,9 @@
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use nvsprior::Picture;
+use nvsprior::geometry::{Distortion, Intrinsics, Lens};
+use nvsprior::prior::{Extras, extras_file};
+use nvsprior::{Camera, Picture, Prior};
 use nvsprior_basin::{Conditions, Site, mapping_run};
 use nvsprior_inputs::video::{DecoderChoice, encode_video, frame_name};
 use serde_json::Value;
@@ -169,6 +171,21 @@ fn a_video_is_encoded_with_its_times() {
     {
         assert_eq!((&known["start"], &known["bytes"]), (&frame["start"], &frame["bytes"]));
     }
+    // The lens is the camera file's, or the prior's.
+    let lensless = "encode --video dive.mp4 --starts starts.csv --fps 0.5 --limit 1 --packets";
+    dive.run(&format!("{lensless} p --prior prior.ply")).ends_with(1).says("it states no lens");
+    let known = Prior::open(&dive.path("prior.ply"), &Default::default()).unwrap();
+    let Camera { width, height, fx, fy, cx, cy } = CAMERA;
+    let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(f64::from);
+    let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
+    let lens = Lens::new(intrinsics, Distortion::None).ok();
+    let extras = Extras { lens, ..Extras::default() };
+    let beside = extras_file::to_bytes(&extras, known.id(), known.len());
+    std::fs::write(dive.path("prior.ply.nvsx"), beside).unwrap();
+    dive.run(&format!("{lensless} p --prior prior.ply")).ends_with(0);
+    dive.run(&format!("{lensless} q --prior prior.ply --cameras cameras.json")).ends_with(0);
+    assert_eq!(dive.bytes("p/000000.nvsp"), dive.bytes("q/000000.nvsp"));
+    dive.run("encode --prior prior.ply --packets p").ends_with(2).says("--cameras");
 }
 
 #[test]

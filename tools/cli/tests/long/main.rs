@@ -1,4 +1,4 @@
-//! What takes long: the laboratory's commands, and learning, training and lists at length. `make long-test`.
+//! What takes long: the laboratory's commands, and training and lists at length. `make long-test`.
 
 mod ablation;
 mod bench;
@@ -9,7 +9,6 @@ mod device_report;
 #[allow(dead_code)] // The tests of the command line use the rest.
 #[path = "../cli/dive.rs"]
 mod dive;
-mod learn;
 mod map;
 mod paper;
 mod preprocessing;

@@ -1,8 +1,5 @@
 //! What may be believed of the picture, block by block.
 
-use std::path::Path;
-
-use nvsprior::prior::Doubt;
 use nvsprior::truth::TruthLevel;
 use nvsprior::{Decoded, DoubtMap, DoubtView, Engine, Prior};
 use serde::Serialize;
@@ -27,12 +24,8 @@ pub struct MemoryView {
 }
 
 impl MemoryView {
-    pub fn new(
-        engine: &Engine,
-        prior: &Prior,
-        doubt: Option<&Doubt>,
-    ) -> anyhow::Result<MemoryView> {
-        Ok(MemoryView { view: DoubtView::new(engine, prior, doubt)?, map: DoubtMap::default() })
+    pub fn new(engine: &Engine, prior: &Prior) -> anyhow::Result<MemoryView> {
+        Ok(MemoryView { view: DoubtView::new(engine, prior)?, map: DoubtMap::default() })
     }
 
     /// The overlay of a picture.
@@ -50,15 +43,4 @@ impl MemoryView {
         let has_map = truth.thresholds.is_some();
         Ok(Overlay { columns: truth.columns as usize, levels, has_map })
     }
-}
-
-/// The doubt beside a prior. If it cannot be read, says so; the console is worth more.
-pub fn doubt_beside(path: &Path, prior: &Prior) -> Option<Doubt> {
-    match Doubt::open_beside(path, prior) {
-        Ok(Some(doubt)) => return Some(doubt),
-        Ok(None) => eprintln!("{}: not there", Doubt::path_beside(path).display()),
-        Err(error) => eprintln!("{error}"),
-    }
-    eprintln!("so all that is mapped is doubtful where it was not seen: `nvsprior doubt`");
-    None
 }

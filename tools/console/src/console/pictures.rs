@@ -16,8 +16,6 @@ const PACKETS: usize = 64;
 const SHARES: usize = 256;
 /// Seconds after which a packet is stale.
 const STALE: f64 = 4.0;
-/// Room for an update, bytes.
-const UPDATE_BYTES: usize = 1 << 14;
 /// A reference is one of so many frames before.
 const FARTHEST: u32 = 32;
 /// Most pixels of a picture.
@@ -86,7 +84,6 @@ impl Pictures {
             packets: PACKETS,
             shares: SHARES,
             age: STALE,
-            update_bytes: UPDATE_BYTES,
             ..CollectorOptions::new(mtu)
         };
         let mut decoder = Decoder::new(engine, scene);
@@ -130,11 +127,6 @@ impl Pictures {
         self.collector.seen()
     }
 
-    /// Number of the last update of the prior that is held; 0: none.
-    pub fn learnt(&self) -> u16 {
-        self.decoder.learnt().number()
-    }
-
     /// Packets come, and prior or camera that they are about are not known.
     pub fn lacks_camera(&self) -> bool {
         self.lacks_camera
@@ -151,7 +143,6 @@ impl Pictures {
         match self.collector.push(self.newest_time, bytes) {
             Ok(Collected::Grown(_, frame)) => self.note(frame, false),
             Ok(Collected::Complete(_, frame)) => self.note(frame, true),
-            Ok(Collected::Update(stream)) => self.add_updates(stream),
             Ok(Collected::Kept) => return Worth::Unproven,
             Ok(_) => {}
             Err(_) => return Worth::Garbage,
@@ -172,15 +163,6 @@ impl Pictures {
         if is_whole && self.is_stream {
             self.waiting.insert(frame);
         }
-    }
-
-    /// Adds the updates that are whole and due. Frames that waited for them may be decoded now.
-    fn add_updates(&mut self, stream: u8) {
-        while let Some(update) = self.collector.update(stream) {
-            let added = self.decoder.add_update(update).is_ok();
-            self.collector.settle_update(stream, added);
-        }
-        self.grown.extend(self.shown.as_ref().map(|shown| shown.decoded.frame));
     }
 
     /// Decodes what has come. `true`: there is another picture to show.
@@ -264,7 +246,7 @@ impl Pictures {
     fn refuse(&mut self, error: Error) -> Result<bool, Error> {
         match &error {
             Error::Vulkan(_) => return Err(error),
-            Error::CameraUnknown { .. } | Error::SessionUnknown { .. } => {
+            Error::SessionUnknown { .. } | Error::Estranged { .. } => {
                 self.lacks_camera = true;
                 self.trouble = Some(
                     "Packets come, but not yet what they are about. The vehicle is asked.".into(),
@@ -279,7 +261,6 @@ impl Pictures {
     pub fn report(&mut self, message: &PilotMessage) -> Option<Vec<u8>> {
         let kept = |frame| self.kept.contains(&frame);
         let mut report = self.collector.report(0, kept).ok()??;
-        report.tell_states(self.decoder.states());
         report.tell_poses(|frame| self.decoder.holds_pose(frame));
         let mut bytes = vec![0; self.mtu];
         let user = message.write();

@@ -96,8 +96,6 @@ pub struct LinkState {
     /// Those of them that came a second time.
     pub replayed: Option<u64>,
     pub packets: u64,
-    /// Number of the last update of the prior that was learnt and has come; 0: none.
-    pub learnt: u16,
     /// Reports that were sent; `None`: there is no return channel.
     pub reports: Option<u64>,
     /// By second, oldest first: bytes, and the part that was lost.

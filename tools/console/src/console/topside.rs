@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use nvsprior::keys::Keys;
-use nvsprior::prior::Doubt;
 use nvsprior::{Engine, Picture, Prior};
 use nvsprior_link::exposure;
 use nvsprior_link::pilot::{PilotMessage, Region};
@@ -32,7 +31,6 @@ pub struct TopsideOptions {
     pub return_path: ReturnPath,
     pub keeper: Keeper,
     pub video: Option<Video>,
-    pub doubt: Option<Doubt>,
     /// Pictures go through the display filter.
     pub filter: bool,
     /// Those of the vehicle's modem frames.
@@ -106,7 +104,7 @@ impl Topside {
         prior: &Prior,
         options: TopsideOptions,
     ) -> anyhow::Result<(Topside, watch::Receiver<Published>)> {
-        let scene = engine.upload_for_updates(prior).context("uploading the prior")?;
+        let scene = engine.upload(prior).context("uploading the prior")?;
         let views = SceneViews::new(engine, prior, &scene)?;
         let (publisher, receiver) = watch::channel(Published::none());
         let mut topside = Topside {
@@ -118,7 +116,7 @@ impl Topside {
                 options.keys.as_ref(),
             )?,
             views,
-            memory: MemoryView::new(engine, prior, options.doubt.as_ref())?,
+            memory: MemoryView::new(engine, prior)?,
             overlay: None,
             log: LinkLog::default(),
             peer: None,
@@ -354,7 +352,6 @@ impl Topside {
             foreign: self.options.keys.is_some().then_some(statistics.foreign),
             replayed: self.options.keys.is_some().then_some(statistics.replayed),
             packets: statistics.completed,
-            learnt: self.pictures.learnt(),
             reports: self.options.return_path.is_some().then_some(self.counts.reports),
             seconds: self.log.seconds().map(|second| (second.bytes, second.loss())).collect(),
         }
@@ -375,11 +372,7 @@ impl Topside {
                 warnings
                     .push("The vehicle's device is not portable: the picture may differ.".into());
             }
-            if let Some(update) = decoded.missing_update {
-                warnings.push(format!(
-                    "Update {update} of the prior is missing: this is memory alone."
-                ));
-            } else if let Some(damage) = &decoded.damage {
+            if let Some(damage) = &decoded.damage {
                 warnings.push(format!("Not all of the picture came: {damage}"));
             }
         }

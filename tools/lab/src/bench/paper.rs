@@ -87,7 +87,7 @@ pub fn run(
     let starts = starts.transpose()?.map(|poses| Estimates { poses, ms: 0.0 });
     let set = Set {
         name: input.split.clone().unwrap_or_else(|| "all".into()),
-        cameras: input.cameras.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        cameras: input.cameras()?.file_name().unwrap_or_default().to_string_lossy().into_owned(),
     };
     let estimates = estimates(context)?;
     first_start(context, estimates.as_ref())?;

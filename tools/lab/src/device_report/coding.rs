@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Residual};
+use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Residual, Session};
 use nvsprior::render::{Plan, Renderer};
 use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune};
 use nvsprior::{Camera, Decoder, Packet, Picture, Pose, Rate};
@@ -71,9 +71,7 @@ impl Coders<'_> {
         let residual = ResidualDecoder::new(width, height, &tables);
         let coder = ResidualCoder::Wavelet;
         let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
-        let mut encoder = ResidualEncoder::new(&setup);
-        // All packets have the full form.
-        encoder.allow_small_blocks(false);
+        let encoder = ResidualEncoder::new(&setup);
         Ok(Coders {
             context,
             camera,
@@ -93,11 +91,12 @@ impl Coders<'_> {
         let pose = QuantisedPose::quantise(&found.pose, &frame, PoseProfile::Compact)?;
         let mut render = Picture::new(camera.width, camera.height);
         self.renderer.coded_picture(&pose.words(), &mut render)?;
-        let latent = Latent::new(found.shot as u32, context.scene.id(), camera, pose, false)?;
+        let session = Session { prior: context.scene.id(), camera: *camera };
+        let latent = Latent::new(found.shot as u32, &session, pose, false)?;
         let latent = Latent { portable, ..latent };
-        // The first packet tells the topside the camera.
-        let camera = (!std::mem::replace(&mut self.told, true)).then_some(*camera);
-        let bare = Packet { latent, camera, render: None, residual: Residual::None, truth: None };
+        // The first packet tells the topside prior and camera.
+        let session = (!std::mem::replace(&mut self.told, true)).then_some(session);
+        let bare = Packet { latent, session, render: None, residual: Residual::None, truth: None };
         let since = Instant::now();
         let coded =
             self.encoder.encode(picture, &render, Rate::Bytes(budget), bare.encoded_len())?;

@@ -10,7 +10,7 @@ use super::region::RegionPsnr;
 use super::topside::Shown;
 use super::video::Beside;
 use crate::report::{Table, fixed, write_json};
-use nvsprior_link::vehicle::{PacketBytes, SentPacket, SentUpdate};
+use nvsprior_link::vehicle::{PacketBytes, SentPacket};
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {
@@ -31,9 +31,6 @@ pub struct LinkRun {
     pub packets: Vec<SentPacket>,
     /// Bytes of shares that were sent again.
     pub resent: usize,
-    /// Bytes of pieces of updates.
-    pub piece_bytes: usize,
-    pub updates: Vec<SentUpdate>,
     /// By packet: when a picture could be shown first, and when all of it.
     pub pictures: BTreeMap<u32, (f64, Option<f64>)>,
     /// Packets that became whole although shares of them were lost.
@@ -75,13 +72,6 @@ impl LinkRun {
         Some(first as f64 / self.setting.fps)
     }
 
-    /// Mean seconds from the proof of an update to the first frame that is drawn with it.
-    fn adoption_seconds(&self) -> Option<f64> {
-        let seconds = self.updates.iter().filter_map(|sent| Some(sent.adopted? - sent.proven));
-        let seconds: Vec<_> = seconds.collect();
-        (!seconds.is_empty()).then(|| mean(seconds.into_iter()))
-    }
-
     /// Camera frames that are shown in a way.
     fn shown(&self, way: impl Fn(Shown) -> bool) -> usize {
         self.moments.iter().filter(|moment| way(moment.shown)).count()
@@ -90,6 +80,11 @@ impl LinkRun {
     /// Frames that are shown by what came of their packets.
     fn pictures_per_second(&self) -> f64 {
         self.shown(|shown| shown == Shown::Own) as f64 / self.seconds
+    }
+
+    /// Seconds until the first picture came.
+    fn first_picture(&self) -> Option<f64> {
+        self.pictures.values().map(|(first, _)| *first).reduce(f64::min)
     }
 
     /// Mean milliseconds from exposure to the first picture, and to the whole one.
@@ -158,6 +153,7 @@ struct Figures<'a> {
     shown_psnr: f64,
     pictures_per_second: f64,
     shown: ShownCounts,
+    first_picture_seconds: Option<f64>,
     latency_ms: f64,
     whole_latency_ms: f64,
     bytes: LinkBytes,
@@ -171,9 +167,6 @@ struct Figures<'a> {
     render_psnr: f64,
     deepest_dip: f64,
     worst_second_bits: f64,
-    /// Updates that were learnt and sent.
-    updates: &'a [SentUpdate],
-    adoption_seconds: Option<f64>,
     region_part: Option<f64>,
     region_psnr: Option<f64>,
     outside_psnr: Option<f64>,
@@ -189,7 +182,6 @@ struct Figures<'a> {
 #[derive(Serialize)]
 struct ShownCounts {
     own: usize,
-    outdated: usize,
     between: usize,
     held: usize,
     nothing: usize,
@@ -200,14 +192,13 @@ struct LinkBytes {
     #[serde(flatten)]
     packets: PacketBytes,
     resent: usize,
-    updates: usize,
     total: usize,
 }
 
 impl Figures<'_> {
     fn of(run: &LinkRun) -> Figures<'_> {
         let Setting { bit_rate, mtu, overhead, propagation, loss, latency, seed, .. } = run.setting;
-        let LinkRun { packets, pictures, resent, piece_bytes, .. } = run;
+        let LinkRun { packets, pictures, resent, .. } = run;
         let bytes = run.bytes();
         let [latency_ms, whole_latency_ms] = run.latency();
         let shown = |way: fn(Shown) -> bool| run.shown(way);
@@ -226,19 +217,14 @@ impl Figures<'_> {
             pictures_per_second: run.pictures_per_second(),
             shown: ShownCounts {
                 own: shown(|shown| shown == Shown::Own),
-                outdated: shown(|shown| shown == Shown::Outdated),
                 between: shown(|shown| shown == Shown::Between),
                 held: shown(|shown| matches!(shown, Shown::Held(_))),
                 nothing: shown(|shown| shown == Shown::Nothing),
             },
+            first_picture_seconds: run.first_picture(),
             latency_ms,
             whole_latency_ms,
-            bytes: LinkBytes {
-                packets: bytes,
-                resent: *resent,
-                updates: *piece_bytes,
-                total: bytes.total() + resent + piece_bytes,
-            },
+            bytes: LinkBytes { packets: bytes, resent: *resent, total: bytes.total() + resent },
             sent_frames: packets.len(),
             inter_frames: packets.iter().filter(|packet| packet.inter).count(),
             lost_frames: run.lost(),
@@ -248,8 +234,6 @@ impl Figures<'_> {
             render_psnr: mean(packets.iter().map(|packet| packet.render_psnr)),
             deepest_dip: run.deepest_dip(),
             worst_second_bits: run.worst_second,
-            updates: &run.updates,
-            adoption_seconds: run.adoption_seconds(),
             region_part: run.region_part,
             region_psnr: run.region_psnr(0),
             outside_psnr: run.region_psnr(1),
@@ -263,7 +247,8 @@ impl Figures<'_> {
 
 /// Prints a line for each setting, and one for each video coder on the same channel.
 pub fn print(runs: &[LinkRun]) {
-    let columns = ["loss", "burst", "shown dB", "sent dB", "pictures/s", "bytes", "latency ms"];
+    let columns =
+        ["loss", "burst", "shown dB", "sent dB", "pictures/s", "bytes", "first, s", "latency ms"];
     let counts = ["sent", "lost", "whole", "coder"];
     let mut table = Table::new(columns.into_iter().chain(counts));
     for f in runs.iter().map(Figures::of) {
@@ -275,6 +260,7 @@ pub fn print(runs: &[LinkRun]) {
             fixed(f.sent_psnr, 2),
             fixed(f.pictures_per_second, 2),
             fixed(f.packet_bytes, 1),
+            f.first_picture_seconds.map_or_else(String::new, |first| fixed(first, 1)),
             fixed(f.latency_ms, 0),
             f.sent_frames.to_string(),
             f.lost_frames.to_string(),
@@ -290,6 +276,7 @@ pub fn print(runs: &[LinkRun]) {
                 fixed(b.fps, 2),
                 fixed(b.bytes, 1),
                 String::new(),
+                String::new(),
                 b.sent.to_string(),
                 b.lost.to_string(),
                 String::new(),
@@ -298,24 +285,13 @@ pub fn print(runs: &[LinkRun]) {
         }
     }
     table.print();
-    runs.iter().for_each(print_updates);
+    runs.iter().for_each(print_region);
     runs.iter().for_each(print_keys);
 }
 
-/// Says what was learnt, and what is shown of what the prior does not show.
-fn print_updates(run: &LinkRun) {
+/// Says what is shown of what the prior does not show.
+fn print_region(run: &LinkRun) {
     let loss = fixed(run.setting.loss.chance, 3);
-    if run.setting.updates.is_some() {
-        let adopted = run.updates.iter().filter(|sent| sent.adopted.is_some()).count();
-        let outdated = run.shown(|shown| shown == Shown::Outdated);
-        let seconds = run.adoption_seconds().map_or("none".into(), |s| format!("{s:.1} s"));
-        println!(
-            "loss {loss}: {} updates in {} bytes; {adopted} adopted, {seconds} after they were proven; {outdated} \
-             frames shown with an older one",
-            run.updates.len(),
-            run.piece_bytes
-        );
-    }
     if let Some((inside, outside)) = run.region_psnr(0).zip(run.region_psnr(1)) {
         println!(
             "loss {loss}: {inside:.2} dB where the prior does not show it, {outside:.2} dB elsewhere"
@@ -366,7 +342,6 @@ pub fn write(folder: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
             ("shown_psnr", &|(_, moment)| fixed(moment.psnr, 3)),
             ("sent_bytes", &|row| sent(row, |sent| sent.bytes.total().to_string())),
             ("sent_psnr", &|row| sent(row, |sent| fixed(sent.psnr, 3))),
-            ("update", &|row| sent(row, |sent| sent.update.to_string())),
             ("region_psnr", &|(_, moment)| region(moment, 0)),
             ("outside_psnr", &|(_, moment)| region(moment, 1)),
             ("latent_bytes", &|row| sent(row, |sent| sent.bytes.latent.to_string())),

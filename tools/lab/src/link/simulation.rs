@@ -164,8 +164,6 @@ impl<'a> Simulation<'a> {
             region_part: self.footage.region_part(),
             moments: self.moments,
             resent: self.vehicle.resent,
-            piece_bytes: self.vehicle.piece_bytes(),
-            updates: self.vehicle.updates,
             packets: self.packets,
             pictures: self.topside.pictures,
             repaired,
@@ -185,7 +183,6 @@ impl<'a> Simulation<'a> {
         let ready = now + self.setting.coding;
         if let Some(packet) = self.vehicle.take(&taken, || ready)? {
             self.packets.push(packet);
-            self.vehicle.learn(ready)?;
         }
         self.plan_due(now);
         Ok(())

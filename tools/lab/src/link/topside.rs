@@ -15,8 +15,6 @@ use super::Setting;
 pub enum Shown {
     /// What came of its own packet.
     Own,
-    /// The render at the packet's pose, with an older update than the vehicle's: the one that it needs has not come.
-    Outdated,
     /// The prior at a pose between those of frames that came.
     Between,
     /// The picture of this earlier frame.
@@ -28,7 +26,6 @@ impl Shown {
     pub fn name(self) -> &'static str {
         match self {
             Shown::Own => "own",
-            Shown::Outdated => "outdated",
             Shown::Between => "between",
             Shown::Held(_) => "held",
             Shown::Nothing => "nothing",
@@ -62,12 +59,13 @@ pub struct Topside {
 }
 
 const PACKETS: usize = 64;
-/// Room for an update, bytes.
-const UPDATE_BYTES: usize = 1 << 13;
-/// Seconds on either side of a frame that did not come, between which its pose is looked for.
+/// Seconds on either side of a frame that did not come, between which its pose is looked for: at least so many, and as
+/// many as lie between two pictures of a slow link.
 const REACH: f64 = 1.0;
-/// Camera frames after which a packet is stale at the latest: shares name frames modulo 128.
-const STALE: f64 = 60.0;
+/// A packet may take longer than its fewest bytes do, by so much.
+const SLOWER: f64 = 1.5;
+/// Camera frames after which a packet is stale at the latest: shares name frames modulo 256.
+const STALE: f64 = 120.0;
 /// A reference is one of so many frames before.
 const FARTHEST: u32 = 32;
 
@@ -87,11 +85,11 @@ impl Topside {
                 size = (camera.width, camera.height);
             }
         }
+        let reach = REACH.max(SLOWER * 8.0 * setting.min_bytes as f64 / setting.bit_rate);
         let options = CollectorOptions {
             shares: setting.shares,
             packets: PACKETS,
-            age: (setting.latency + 2.0 * REACH).min(STALE / setting.fps),
-            update_bytes: if setting.updates.is_some() { UPDATE_BYTES } else { 0 },
+            age: (setting.latency + 2.0 * reach).min(STALE / setting.fps),
             ..CollectorOptions::new(setting.mtu)
         };
         Ok(Topside {
@@ -103,7 +101,7 @@ impl Topside {
             decoded: Decoded::default(),
             shown: None,
             size,
-            reach: ((REACH * setting.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1),
+            reach: ((reach * setting.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1),
             pictures: BTreeMap::new(),
             newest: None,
             mtu: setting.mtu,
@@ -136,7 +134,6 @@ impl Topside {
             | Collected::Duplicate
             | Collected::Surplus
             | Collected::Damaged(..) => {}
-            Collected::Update(stream) => self.add_updates(stream)?,
         }
         Ok(())
     }
@@ -147,15 +144,6 @@ impl Topside {
             // If it cannot be read, it is not held, and the vehicle is told.
             let _ = self.decoder.hold(packet.bytes);
         }
-    }
-
-    /// Adds the updates that are whole and due. Frames that waited for them may be decoded now.
-    fn add_updates(&mut self, stream: u8) -> anyhow::Result<()> {
-        while let Some(update) = self.collector.update(stream) {
-            let added = self.decoder.add_update(update).is_ok();
-            self.collector.settle_update(stream, added);
-        }
-        if self.inter { self.catch_up() } else { Ok(()) }
     }
 
     /// What there is of a camera frame.
@@ -176,14 +164,11 @@ impl Topside {
         }
         if let Some(packet) = self.collector.packet(0, frame) {
             match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.decoded) {
-                // No frame came before it: there is no camera to draw with.
-                Err(Error::UpdateMissing { .. }) => return Ok(self.held()),
                 Err(Error::Packet(PacketError::PoseNotHeld { .. })) => return Ok(self.held()),
                 decoded => decoded?,
             }
             self.shown = Some(frame);
-            let is_missing = self.decoded.missing_update.is_some();
-            return Ok(if is_missing { Shown::Outdated } else { Shown::Own });
+            return Ok(Shown::Own);
         }
         let Some(pose) = self.pose_between(frame)? else {
             return Ok(self.held());
@@ -247,10 +232,7 @@ impl Topside {
             for frame in std::mem::take(&mut self.waiting) {
                 let Some(packet) = self.collector.packet(0, frame) else { continue };
                 match self.decoder.decode_into(packet.bytes, Trust::Start, &mut self.ahead) {
-                    Err(
-                        Error::UpdateMissing { .. }
-                        | Error::Packet(PacketError::PoseNotHeld { .. }),
-                    ) => self.ahead.kept = false,
+                    Err(Error::Packet(PacketError::PoseNotHeld { .. })) => self.ahead.kept = false,
                     decoded => decoded?,
                 }
                 if self.ahead.kept {
@@ -269,9 +251,6 @@ impl Topside {
     pub fn report(&mut self) -> anyhow::Result<Option<Vec<u8>>> {
         let kept = |frame| self.kept.contains(&frame);
         let Some(mut report) = self.collector.report(0, kept)? else { return Ok(None) };
-        if self.collector.options().update_bytes > 0 {
-            report.tell_states(self.decoder.states());
-        }
         report.tell_poses(|frame| self.decoder.holds_pose(frame));
         let mut bytes = vec![0; self.mtu];
         let len = self.collector.write_report(&report, None, &mut bytes)?;

@@ -22,26 +22,12 @@ def crc16(*parts):
     return crc & 0xFFFF
 
 
-def crc8(*parts):
-    """CRC-8/SMBUS."""
-    crc = 0
-    for byte in b"".join(parts):
-        crc ^= byte
-        for _ in range(8):
-            crc = crc << 1 ^ (0x107 if crc & 0x80 else 0)
-    return crc & 0xFF
-
-
 def crc32(*parts):
     return zlib.crc32(b"".join(parts))
 
 
 def le(data):
     return int.from_bytes(data, "little")
-
-
-def u16(value):
-    return struct.pack("<H", value & 0xFFFF)
 
 
 def u32(value):
@@ -99,34 +85,6 @@ class RangeDecoder:
         for _ in range(count):
             value = value << 1 | self.bit(EVEN)
         return value
-
-
-class Recorder(RangeDecoder):
-    """Also remembers the bits, to tell whether they are written as an encoder writes them."""
-
-    def __init__(self, data):
-        super().__init__(data)
-        self.bits = []
-
-    def bit(self, one):
-        self.bits.append((one, super().bit(one)))
-        return self.bits[-1][1]
-
-    def is_as_written(self):
-        low, high, out = 0, 0xFFFFFFFF, bytearray()
-        for one, bit in self.bits:
-            split = low + ((high - low) * one >> 16)
-            low, high = (low, split) if bit else (split + 1, high)
-            while not (low ^ high) >> 24:
-                out.append(high >> 24)
-                low, high = low << 8 & 0xFFFFFFFF, high << 8 & 0xFFFFFFFF | 0xFF
-        for count in range(5):
-            below = 0xFFFFFFFF >> 8 * count
-            value = low + below & ~below
-            if value <= high:
-                out += value.to_bytes(4, "big")[:count]
-                break
-        return bytes(out.rstrip(b"\0")) == self.data
 
 
 def exp(x):

@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .bits import Refused, crc16, crc32, le
-from .packet import Camera, Held, near, read_camera, read_latent, read_residual
+from .bits import Refused, crc32
+from .packet import (CODED, INTER, SESSION, SMALL, STREAM, UNCERTAIN, Camera, Held, near, read_latent, read_render,
+                     read_residual, read_session)
 from .prior import TABLES, Tables
 from .render import Scene, render
 from .stream import References, warp
 from .truth import TruthDecoder
-from .update import States, Update
 from .wavelet import ROTATION, Frame
 
 
@@ -24,7 +24,6 @@ class Decoded:
     same_render: bool = None
     kept: bool = False
     reference: int = None
-    missing_update: int = None
     truth: tuple = None
     step: int = None
 
@@ -43,7 +42,9 @@ class Decoder:
     def __init__(self, prior, is_start=False):
         self.prior, self.is_start = prior, is_start
         self.cameras, self.view, self.last, self.held = [], None, None, Held()
-        self.states, self.scenes = States(prior.id), {}
+        # A packet was about another prior: see docs/format/packet.md.
+        self.estranged = False
+        self.scene = Scene(prior)
         own = [Tables((TABLES / f"{name}.nvt").read_bytes()) for name in ("generic", "small_blocks", "stream")]
         if prior.tables and prior.tables.data != own[0].data:
             own[:2] = [prior.tables] * 2
@@ -53,11 +54,8 @@ class Decoder:
         if camera not in self.cameras:
             self.cameras = self.cameras[-255:] + [camera]
 
-    def add_update(self, data):
-        return self.states.add(Update(data))
-
-    def camera_of(self, latent):
-        return next((c for c in reversed(self.cameras) if self.states.of(latent, c)), None)
+    def camera_of(self, tag):
+        return next((c for c in reversed(self.cameras) if c.session(self.prior.id) & 0xFFFF == tag), None)
 
     def _read(self, data):
         try:
@@ -66,84 +64,67 @@ class Decoder:
             self.held.refuse(data, refused.args[0])
             raise
 
+    def _estrange(self):
+        self.estranged, self.held = True, Held()
+
+    def _learn(self, packet):
+        """Takes the session part. Why it could not be used, if it is damaged."""
+        damage = None
+        if packet.flags & SESSION:
+            try:
+                prior, camera = read_session(packet)
+            except Refused as refused:
+                damage = refused.args[0]
+            else:
+                if prior != self.prior.id:
+                    self._estrange()
+                    raise Refused("prior")
+                self.estranged = False
+                self.add_camera(camera)
+        if self.estranged:
+            raise Refused("estranged")
+        return damage
+
     def decode(self, data):
         packet = self._read(data)
-        latent, rest = packet.latent, packet.rest
-        if latent.full and latent.update is None and latent.state != self.prior.id:
-            raise Refused("prior")
-        camera_damage = None
-        if packet.has_camera:
-            try:
-                self.add_camera(read_camera(packet))
-            except Refused as refused:
-                camera_damage = refused.args[0]
-            rest = rest[18:]
-        frame = near(latent.frame, latent.modulus, self.last)
-        self.states.note(latent)
-        camera, learnt, missing = self.camera_of(latent), None, None
-        if camera:
-            learnt = self.states.of(latent, camera)
-        elif latent.update is not None:
-            missing, learnt = latent.update, self.states.held[-1]
-            camera = self._guess(latent)
-            if camera is None:
-                raise Refused("update-missing")
-        else:
-            raise Refused("camera-unknown" if latent.full else "session-unknown")
+        session_damage = self._learn(packet)
+        frame = near(packet.frame, 1 << 16, self.last)
+        camera = self.camera_of(packet.tag)
+        if camera is None:
+            raise Refused("session-unknown")
         if self.view is None or self.view.camera != camera:
             self.view = View(camera, truth=TruthDecoder(camera.width, camera.height))
-        drawn, depths, placement = render(self._scene(learnt), camera.tuple(), latent.pose)
-        decoded = Decoded(frame, drawn, uncertain=latent.uncertain, portable=latent.portable, missing_update=missing)
-        if packet.has_render:
-            check = self._render_check(packet, rest)
-            decoded.same_render = None if check is None else check == crc32(drawn.tobytes())
-            rest = rest[6:]
-        residual = read_residual(packet, rest)
-        used = False
-        if missing is not None:
-            decoded.damage = "update-missing"
-        else:
-            used = self._add(decoded, latent, residual, drawn, depths, placement)
-            decoded.damage = decoded.damage or camera_damage
-        if residual.is_stream and residual.reference and (residual.error is None or self.is_start):
-            decoded.reference = (frame - residual.reference[0]) % (1 << 24)
-        if missing is None and decoded.same_render is not False:
-            self._truth(decoded, residual, used, drawn)
+        drawn, depths, placement = render(self.scene, camera.tuple(), packet.pose)
+        decoded = Decoded(frame, drawn, uncertain=bool(packet.flags & UNCERTAIN), portable=packet.portable)
+        check = read_render(packet)
+        decoded.same_render = None if check is None else check == crc32(drawn.tobytes())
+        residual = read_residual(packet)
+        used = self._add(decoded, packet, residual, drawn, depths, placement)
+        decoded.damage = decoded.damage or session_damage
+        if residual.reference and (residual.error is None or self._is_start(packet, residual)):
+            decoded.reference = (frame - residual.reference[0]) % (1 << 32)
+        if decoded.same_render is not False:
+            self._truth(decoded, packet, residual, used, drawn)
         self.last = frame
-        self._hold(frame, latent)
+        if packet.portable and decoded.same_render is False:
+            self._estrange()
+        else:
+            self.held.hold(frame, packet.pose, camera.session(self.prior.id))
         return decoded
 
-    def _guess(self, latent):
-        if latent.full:
-            fits = (c for c in reversed(self.cameras) if c.tag == latent.tag and c.size == latent.size)
-            for camera in fits:
-                return camera
-        return self.view.camera if self.view else self.cameras[-1] if self.cameras else None
+    def _is_start(self, packet, residual):
+        """Only the end of the residual is missing."""
+        return self.is_start and residual.error == "check" and packet.kind >= CODED
 
-    def _scene(self, learnt):
-        if learnt.state not in self.scenes:
-            self.scenes[learnt.state] = Scene(self.prior, learnt if learnt.number else None)
-        return self.scenes[learnt.state]
-
-    @staticmethod
-    def _render_check(packet, rest):
-        part = rest[:6]
-        if len(part) < 6 or crc16(packet.bytes, part[:4]) != le(part[4:]):
-            return None
-        return le(part[:4])
-
-    def _add(self, decoded, latent, residual, drawn, depths, placement):
+    def _add(self, decoded, packet, residual, drawn, depths, placement):
         """Adds a residual. Whether it, or its start, was used."""
         decoded.damage = residual.error
-        is_start = residual.error is not None
-        if residual.payload is None or residual.coder is None or is_start and not self.is_start:
-            return False
-        if residual.coder in ("vp8", "webp"):
-            decoded.damage = "coder-missing"
+        is_start, portable = residual.error is not None, packet.portable
+        if packet.kind < CODED or is_start and not self._is_start(packet, residual):
             return False
         earlier = None
-        if residual.is_stream and residual.reference:
-            if not latent.portable:
+        if residual.reference:
+            if not portable:
                 decoded.damage = "other-render"
                 return False
             kept = self.view.references.find(residual.reference, decoded.frame, self.view.camera)
@@ -152,34 +133,21 @@ class Decoder:
                 return False
             earlier = warp(kept, self.view.camera, placement, depths, ROTATION), kept
         coding = Frame(drawn, self.tables, earlier)
-        difference = coding.decode(residual.payload, is_start, residual.small, latent.portable)
+        difference = coding.decode(residual.payload, is_start, packet.flags & SMALL, portable)
         if isinstance(difference, str):
             decoded.damage = difference
             return False
         if difference is not None:
             decoded.picture = np.clip(drawn.astype(np.int64) + difference, 0, 255).astype(np.uint8)
             decoded.step = coding.step
-        if residual.is_stream and not is_start and latent.portable:
+        if packet.kind in (STREAM, INTER) and not is_start and portable:
             self.view.references.keep(decoded.frame, self.view.camera, placement, decoded.picture, drawn)
             decoded.kept = True
         return True
 
-    def _truth(self, decoded, residual, used, drawn):
-        if residual.truth is None:
-            return
-        truth, is_start = self.view.truth, residual.error is not None
-        if is_start and not (used and self.is_start):
-            return
-        if not is_start and residual.coder and not used:
+    def _truth(self, decoded, packet, residual, used, drawn):
+        is_start = residual.error is not None
+        if residual.truth is None or not used and (is_start or packet.kind >= CODED):
             return
         start = (drawn, decoded.picture) if is_start else None
-        decoded.truth = truth.levels(decoded.frame, residual.truth, start)
-
-    def _hold(self, frame, latent):
-        camera = self.camera_of(latent)
-        learnt = camera and self.states.of(latent, camera)
-        if not learnt:
-            return
-        has = latent.update is not None
-        check = crc32(learnt.state, camera.size, camera.numbers, bytes([latent.portable, has, latent.update or 0]))
-        self.held.hold(frame, latent, check)
+        decoded.truth = self.view.truth.levels(decoded.frame, residual.truth, start)

@@ -4,7 +4,7 @@ import struct
 
 from .bits import Refused, blake3, le
 
-FRAME, REPORT, PACKET, UPDATE = range(4)
+FRAME, REPORT, PACKET = range(3)
 
 
 def read_keys(text):
@@ -53,7 +53,7 @@ class Verifier:
 
 
 class Files:
-    """As Verifier, of packets or updates in files, which may come in any order."""
+    """As Verifier, of packets in files, which may come in any order."""
 
     def __init__(self, verifier):
         self.verifier, self.numbers = verifier, set()

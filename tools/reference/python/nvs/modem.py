@@ -1,7 +1,7 @@
 """Modem frames: docs/format/modem.md."""
 
-from .bits import Refused, crc8, crc16, crc32, le, u32
-from .packet import Held, near, read_camera, read_content, read_latent
+from .bits import Refused, crc16, crc32, le, u32
+from .packet import PREDICTED, extent, near
 
 EXP, LOG = [0] * 510, [0] * 256
 _v = 1
@@ -54,53 +54,52 @@ class Reader:
         raise Refused("cut")
 
 
-def extent(start):
-    """What the start of a packet in the full or short form says: frame, modulus, latent, head and total length."""
-    packet = None
-    try:
-        packet = read_latent(start, Held())
-    except Refused as refused:
-        if refused.args[0] != "too-short" or len(start) < 31:
-            raise
-        return le(start[2:5]) if start[0] & 15 < 8 else le(start[2:4]), 1 << 24, 43, 43, None
-    head = len(packet.bytes) + 18 * packet.has_camera + 6 * packet.has_render
-    total = head
-    if packet.code not in (0, 1, 7):
-        total, length = None, 0
-        for i, byte in enumerate(start[head:head + 4]):
-            length |= (byte & 127) << 7 * i
-            if byte < 128:
-                total = head + i + 1 + length + (4 if packet.form == "full" else 2)
-                break
-        else:
-            if len(start) >= head + 4:
-                raise Refused("length")
-    return packet.latent.frame, packet.latent.modulus, len(packet.bytes), head, total
+def restore(data, number, last):
+    """The packet of which these bytes have travelled. `number`: low bits of its frame number, if frames state them."""
+    is_predicted = data[:1] and data[0] & 31 == PREDICTED
+    if len(data) < (2 if number is not None else 3):
+        return b""
+    if number is None:
+        high = [near(data[2], 256, last) >> 8 & 255] if is_predicted else []
+        return data[:3] + bytes(high) + data[3:]
+    low = near(number, 256, last) if is_predicted else number
+    return data[:2] + low.to_bytes(4, "little")[:2 if is_predicted else 1] + data[2:]
 
 
-def valid_len(start):
-    """Bytes that the packet's own checks vouch for."""
-    try:
-        packet = read_latent(start, Held())
-    except Refused:
-        return 0
-    valid = len(packet.bytes)
-    if packet.has_camera:
+class Plain:
+    """An unprotected packet. `tag`: small shares have none."""
+
+    def __init__(self, number, tag=None, binding=None, own=0):
+        self.number, self.tag, self.binding, self.own = number, tag, binding, own
+        self.data, self.count, self.vouched = {}, None, tag is None
+        self.frame, self.bytes, self.complete, self.user = None, b"", False, None
+
+    def add(self, index, is_last, data, last):
+        self.data[index] = data
+        if is_last:
+            self.count = index + 1
+        self.settle(last)
+
+    def settle(self, last):
+        """Judges what is there without a gap."""
+        so_far, index = b"", 0
+        while index in self.data and index != self.count:
+            so_far, index = so_far + self.data[index], index + 1
+        is_all = index == self.count
+        data = restore(so_far, None if self.tag is None else self.number, last)
         try:
-            read_camera(packet)
+            found = extent(data)
         except Refused:
-            return valid
-        valid += 18
-    if packet.has_render:
-        part = start[valid:valid + 6]
-        if len(part) < 6 or crc16(packet.bytes, part[:4]) != le(part[4:]):
-            return valid
-        valid += 6
-    if packet.code not in (0, 1, 7):
-        content, error = read_content(packet, start[valid:])
-        if error is None:
-            valid = extent(start)[4]
-    return valid
+            found = None
+        whole = found and found.whole
+        self.complete = bool(is_all and whole)
+        if is_all and not whole:
+            self.data, self.vouched = {0: self.data[0]}, False
+            self.count = None if self.count == 1 else self.count
+        self.frame, self.bytes = None, b""
+        if found:
+            self.frame = near(found.frame, 1 << 16, last)
+            self.bytes = data[:whole] if self.complete else data if self.vouched else data[:self.own]
 
 
 class Collector:
@@ -109,124 +108,110 @@ class Collector:
     def __init__(self, mtu, streams, room):
         self.mtu, self.streams, self.room = mtu, streams, room
         self.plain, self.waiting, self.shares, self.last = {}, [], {}, {}
-        self.updates, self.due, self.done = {}, 1, set()
 
     def push(self, frame):
-        """Returns the updates that are whole now."""
         frame = frame[:self.mtu]
         if not frame:
             raise Refused("cut")
         kind = frame[0] >> 6
-        if kind == 1:
+        if self.mtu < 16:
+            self._small(frame)
+        elif kind == 1:
             self._share(frame)
         elif kind == 2:
             self._start(frame)
         elif kind == 3:
             self._continuation(frame)
-        elif frame[0] & 0xCF == 8:
-            return self._piece(frame)
         else:
             raise Refused("not-a-frame")
-        return []
 
     def packets(self, stream, frame):
         """The bytes of a packet, whether it is complete, and user bytes; or None."""
-        for packet in [p for p in self.plain.values() if stream == 0] + [p for (s, _), p in self.shares.items()
-                                                                          if s == stream]:
-            if packet.get("frame") == frame and packet.get("bytes"):
-                return packet["bytes"], packet["complete"], packet.get("user")
+        for packet in self.plain.values():
+            if stream == 0 and packet.frame == frame and packet.bytes:
+                return packet.bytes, packet.complete, None
+        for (of, _), packet in self.shares.items():
+            if of == stream and packet.get("frame") == frame:
+                return packet["bytes"], packet["complete"], packet["user"]
         return None
+
+    def _note(self, packet):
+        if packet.bytes:
+            self.last[0] = packet.frame
 
     # Unprotected.
 
-    def _start(self, frame):
-        if frame[0] >> 4 == 8:
+    def _small(self, frame):
+        first, data = frame[0], frame[1:]
+        if first < 128:
             raise Refused("not-a-frame")
-        try:
-            number, modulus, latent, head, total = extent(frame)
-        except Refused as refused:
-            raise Refused("not-a-frame" if refused.args[0] == "magic" else refused.args[0]) from None
-        number = near(number, modulus, self.last.get(0))
-        needed = min(self.mtu, total or self.mtu)
-        if len(frame) < needed:
+        number, is_last, index = first >> 4 & 7, first >> 3 & 1, first & 7
+        if not is_last and len(frame) < self.mtu:
             raise Refused("cut")
-        first = frame[:needed]
+        if index >= self.room:
+            raise Refused("no-room")
+        packet = self.plain.setdefault(number, Plain(number))
+        if index not in packet.data:
+            packet.add(index, is_last, data, self.last.get(0))
+            self._note(packet)
+
+    def _start(self, frame):
+        if len(frame) < 2:
+            raise Refused("cut")
+        if frame[0] & 31:
+            raise Refused("not-a-frame")
+        is_last, number, data, own = frame[0] >> 5 & 1, frame[1], frame[2:], 0
+        if not is_last and len(frame) < self.mtu:
+            raise Refused("cut")
+        last = self.last.get(0)
+        try:
+            own = extent(restore(data, number, last)).valid
+        except Refused as refused:
+            if refused.args[0] != "too-short" or is_last:
+                raise
+        binding = u32(crc32(frame[:2], data.rstrip(b"\0")))
         old = self.plain.get(number)
-        if old and old["first"] == first:
+        if old and old.binding == binding:
             return
-        self.plain[number] = {"frame": number, "first": first, "total": total, "data": {}, "vouched": False,
-                              "complete": False, "bytes": b""}
-        self._settle(self.plain[number])
-        self._adopt()
+        packet = self.plain[number] = Plain(number, number % 4, binding, own)
+        packet.add(0, is_last, data, last)
+        self._note(packet)
+        for later in list(self.waiting):
+            if self._offer(packet, later):
+                self.waiting.remove(later)
 
     def _continuation(self, frame):
         if len(frame) < 4:
             raise Refused("cut")
-        index = (frame[0] & 15) << 8 | frame[1]
+        index, is_last = (frame[0] & 7) << 8 | frame[1], frame[0] >> 3 & 1
         if index == 0:
             raise Refused("not-a-frame")
-        if len(frame) < 5:
+        if not is_last and len(frame) < self.mtu:
             raise Refused("cut")
         if index >= self.room:
             raise Refused("no-room")
-        self.waiting.append(frame)
-        self._adopt()
-
-    def _adopt(self):
-        again = True
-        while again:
-            again = False
-            for frame in list(self.waiting):
-                if any(self._offer(packet, frame) for packet in self.plain.values()):
-                    self.waiting.remove(frame)
-                    again = True
+        if not any(self._offer(packet, frame) for packet in self.plain.values()):
+            self.waiting.append(frame)
 
     def _offer(self, packet, frame):
-        index, tag = (frame[0] & 15) << 8 | frame[1], frame[0] >> 4 & 3
-        if packet["frame"] % 4 != tag or index in packet["data"]:
-            return packet["frame"] % 4 == tag and packet["data"][index] == frame[4:4 + len(packet["data"][index])]
-        full, data, total = self.mtu - 4, frame[4:], packet["total"]
-        if total is None:
-            if any(i not in packet["data"] for i in range(1, index)):
-                return False
-            so_far = packet["first"] + b"".join(packet["data"][i] for i in range(1, index)) + data
-            try:
-                total = extent(so_far)[4]
-            except Refused:
-                return False
-        begin = self.mtu + (index - 1) * full
-        due = max(min(full, (total if total is not None else begin + full) - begin), 0)
-        data = data[:due]
-        if due == 0 or len(data) < due:
+        index, is_last, data = (frame[0] & 7) << 8 | frame[1], frame[0] >> 3 & 1, frame[4:]
+        if packet.tag != frame[0] >> 4 & 3:
             return False
-        if crc16(u32(crc32(packet["first"])), frame[:2], data) != le(frame[2:4]):
+        if crc16(packet.binding, frame[:2], data.rstrip(b"\0")) != le(frame[2:4]):
             return False
-        packet["total"], packet["data"][index], packet["vouched"] = total, data, True
-        self._settle(packet)
+        if index not in packet.data:
+            packet.vouched = True
+            packet.add(index, is_last, data, self.last.get(0))
+            self._note(packet)
         return True
-
-    def _settle(self, packet):
-        data, index = packet["first"], 1
-        while index in packet["data"]:
-            data += packet["data"][index]
-            index += 1
-        total = packet["total"]
-        if total is not None and len(data) >= total:
-            packet["complete"] = valid_len(data[:total]) == total
-            packet["vouched"] = packet["complete"]
-            if not packet["complete"]:
-                packet["data"], data = {}, packet["first"]
-        packet["bytes"] = data if packet["vouched"] else data[:valid_len(packet["first"])]
-        if packet["bytes"]:
-            self.last[0] = packet["frame"]
 
     # Protected.
 
     def _share(self, frame):
         reader = Reader(frame)
         first, second, third = reader.take(3)
-        stream, number = first >> 4 & 3, (first & 15) << 3 | second >> 5
-        if second & 16:
+        stream, number = first >> 4 & 3, (first & 15) << 4 | second >> 4
+        if second & 8:
             index, count = third, reader.byte() + 1
         else:
             index, count = third >> 4, (third & 15) + 1
@@ -236,7 +221,7 @@ class Collector:
         data = reader.take(own + others)
         if crc16(frame[:head], data) != check:
             raise Refused("check")
-        threshold = (second & 15) + 1
+        threshold = (second & 7) + 1
         if index >= count or threshold > count or own == 0:
             raise Refused("not-a-frame")
         if count > self.room:
@@ -257,7 +242,7 @@ class Collector:
     def _solve(self, packet, stream, number):
         """Raises Refused if it is none that a sender writes."""
         count, threshold, own, others = packet["form"]
-        layers, at, whole, end, begin = [(threshold, own)], 0, b"", None, None
+        layers, at, whole, is_cut, begin = [(threshold, own)], 0, b"", False, None
         known = sorted(packet["data"])
         for k in range(8):
             if k == len(layers):
@@ -271,9 +256,9 @@ class Collector:
             if k == 0:
                 reader = Reader(whole)
                 flags = reader.byte()
-                end = flags >> 4
-                if end not in (0, 1, 2):
+                if flags >> 5:
                     raise Refused("damaged")
+                is_cut = flags >> 4
                 for _ in range(flags & 7):
                     layer = reader.number(), reader.number()
                     if not layers[-1][0] < layer[0] <= count or layer[1] == 0:
@@ -285,78 +270,13 @@ class Collector:
                 begin = reader.at
         if begin is None:
             return
-        is_all, data = len(known) >= layers[-1][0], whole[begin:]
-        if data[:1] and data[0] >> 4 == 8:
-            self._predicted(packet, data, number, is_all, end)
-            return
-        if end:
+        data = restore(whole[begin:], number, self.last.get(stream))
+        found, is_all = extent(data), len(known) >= layers[-1][0]
+        packet["complete"] = is_all and found.whole is not None
+        if is_all and found.whole is None and not is_cut:
             raise Refused("damaged")
-        frame, modulus, _, _, total = extent(data)
-        frame = near(frame, modulus, self.last.get(stream))
-        if frame % 128 != number:
-            raise Refused("damaged")
-        if total is not None and len(data) >= total:
-            data, packet["complete"] = data[:total], True
-            if valid_len(data) != total:
-                raise Refused("damaged")
-        packet["frame"], packet["bytes"] = frame, data
-        self.last[stream] = frame
-
-    def _predicted(self, packet, data, number, is_all, end):
-        data = data[:1] + bytes([number]) + data[1:]
-        _, _, _, _, bits = Held().stated(data)
-        latent, total = bits + 2, None
-        is_open = data[0] & 15 not in (0, 1, 7)
-        if not is_open:
-            if end:
-                raise Refused("damaged")
-            total = latent
-        elif is_all and end == 0:
-            total = len(data)
-        elif is_all and end == 1:
-            total = len(data) - data[-1]
-            if data[-1] == 0 or total <= latent:
-                raise Refused("damaged")
-        if total is not None:
-            data = data[:1] + bytes([number | 128]) + data[2:total]
-            if is_open:
-                key = u32(crc32(data[:1], data[2:latent]))
-                if crc8(key, data[latent:-1]) != data[-1]:
-                    raise Refused("damaged")
-            packet["complete"] = True
-        stream = 0
-        frame = near(number, 128, self.last.get(stream))
-        packet["frame"], packet["bytes"] = frame, data
-        self.last[stream] = frame
-
-    # Pieces of updates.
-
-    def _piece(self, frame):
-        reader = Reader(frame)
-        head = reader.take(6)
-        size = reader.number()
-        end = reader.at
-        check, data = le(reader.take(2)), reader.take(size)
-        if crc16(frame[:end], data) != check:
-            raise Refused("check")
-        sources = head[4] + 1
-        if sources > 224 or size == 0:
-            raise Refused("not-a-frame")
-        key = bytes(head[1:5]) + bytes([size & 255])
-        pieces = self.updates.setdefault(key, {})
-        pieces.setdefault(head[5], data)
-        if len(pieces) < sources or key in self.done:
-            return []
-        known = dict(sorted(pieces.items())[:sources])
-        whole = b"".join(chunk(known, i) for i in range(sources))
-        reader = Reader(whole)
-        update = reader.take(reader.number())
-        sound = not any(whole[reader.at:]) and len(update) > 13 and crc32(update[:-4]) == le(update[-4:])
-        if not sound or update[9] != head[1] or update[-4:-2] != head[2:4]:
-            del self.updates[key]
-            return []
-        self.done.add(key)
-        return [update]
+        packet["frame"] = self.last[stream] = near(found.frame, 1 << 16, self.last.get(stream))
+        packet["bytes"] = data[:found.whole] if packet["complete"] else data
 
 
 def read_report(data):
@@ -365,7 +285,10 @@ def read_report(data):
     mark = reader.byte()
     if mark & 0xCC != 4:
         raise Refused("not-a-frame")
-    newest, reported = le(reader.take(2)), reader.byte()
+    newest, counts = le(reader.take(2)), reader.byte()
+    reported, pose_bytes = counts & 63, (counts >> 6) + 1 if mark & 2 else 0
+    if counts >> 6 and not pose_bytes:
+        raise Refused("not-a-frame")
     states = reader.take(reported)
     if reported > 32:
         raise Refused("not-a-frame")
@@ -377,17 +300,11 @@ def read_report(data):
             bits = reader.take((sent + 7) // 8)
             shares = [k for k in range(sent) if bits[k // 8] >> k % 8 & 1]
         packets.append([(newest - i) % 65536, state & 3, state >> 2, sent, shares])
-    if mark & 2:
-        first = reader.byte()
-        if first & 0x78 or first & 7 > 4:
-            raise Refused("not-a-frame")
-        reader.take(3 * (first & 7) + (4 if first & 128 else 0))
+    held = le(reader.take(pose_bytes))
     user = reader.take(reader.byte()) if mark & 1 else None
     end = reader.at
     if le(reader.take(2)) != crc16(data[:end]):
         raise Refused("check")
-    after, poses = data[reader.at:reader.at + 6], []
-    if len(after) == 6 and crc16(data[:reader.at], after[:4]) == le(after[4:]):
-        poses = [(newest - k) % 65536 for k in range(32) if le(after[:4]) >> k & 1]
+    poses = [(newest - k) % 65536 for k in range(8 * pose_bytes) if held >> k & 1]
     return {"stream": mark >> 4 & 3, "newest": newest, "packets": packets,
-            "user": None if user is None else user.hex(), "poses": poses}
+            "user": None if user is None else user.hex(), "poses": poses, "told": 8 * pose_bytes}

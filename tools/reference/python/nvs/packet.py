@@ -2,27 +2,26 @@
 
 import math
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from .bits import Refused, crc8, crc16, crc32, fold, le, u16, u32
+from .bits import Refused, crc16, crc32, fold, le, u32
 
-FULL, SHORT, LEARNT, NOT_PORTABLE = {1, 2, 8, 11}, {4, 7, 13, 14}, {8, 11, 13, 14}, {2, 7, 11, 14}
-PREDICTED_CODES = {0, 1, 4, 5, 6, 7, 12, 13, 14}
+SHORT, COMPACT, PREDICTED, LATER = 0b00000, 0b00111, 0b11001, 0b11110
+SMALL, TRUTH, SESSION, RENDER, UNCERTAIN, NOT_PORTABLE = (1 << bit for bit in range(6))
+NONE, OMITTED, ALL_SEEN, CODED, STREAM, INTER = range(6)
+SESSION_LEN, RENDER_LEN = 25, 6
 UNIT = math.isqrt(2 * 131071**2)
 
 
 @dataclass
 class Pose:
-    kind: str
-    centre: list = None
-    largest: int = 0
-    small: list = None
-    translation: tuple = None
-    quaternion: tuple = None
+    centre: list
+    largest: int
+    small: list
 
     def short(self):
         """On the short grid: centre, largest, small; or None."""
-        if self.kind != "compact" or any(c % 32 for c in self.centre) or any(k % 8 for k in self.small):
+        if any(c % 32 for c in self.centre) or any(k % 8 for k in self.small):
             return None
         centre = [c // 32 for c in self.centre]
         within = all(-32768 <= c <= 32767 for c in centre)
@@ -33,7 +32,7 @@ def compact(centre, largest, small):
     scale = 131071 * math.sqrt(2)
     if largest > 3 or not 1 - sum((k / scale) ** 2 for k in small) > 0:
         raise Refused("pose")
-    return Pose("compact", centre, largest, small)
+    return Pose(centre, largest, small)
 
 
 def pose_of_short(centre, largest, small):
@@ -42,13 +41,8 @@ def pose_of_short(centre, largest, small):
     return compact([32 * c for c in centre], largest, [8 * k for k in small])
 
 
-def read_pose(data, kind):
-    if kind == "paper":
-        numbers = struct.unpack("<7f", data)
-        if not all(map(math.isfinite, numbers)) or not math.sqrt(sum(v * v for v in numbers[3:])) > 1e-6:
-            raise Refused("pose")
-        return Pose("paper", translation=numbers[:3], quaternion=numbers[3:])
-    if kind == "short":
+def read_pose(data):
+    if len(data) == 12:
         word = le(data[6:12])
         small = [(word >> shift & 0x7FFF) - 16384 for shift in (30, 15, 0)]
         return pose_of_short(list(struct.unpack("<3h", data[:6])), word >> 45, small)
@@ -63,105 +57,77 @@ class Camera:
     height: int
     numbers: bytes
 
-    @property
-    def size(self):
-        return le3(self.width - 1 | self.height - 1 << 12)
-
-    @property
-    def tag(self):
-        return crc16(self.size, self.numbers) & 0xFF
-
-    def session_tag(self, state):
-        return crc16(state, self.size, self.numbers) & 0xFF
+    def session(self, prior):
+        """The session check; its low 16 bits are the tag."""
+        return crc32(prior, u32(self.width - 1 | self.height - 1 << 12)[:3], self.numbers)
 
     def tuple(self):
         return (self.width, self.height, *struct.unpack("<4f", self.numbers))
 
 
-def le3(value):
-    return u32(value)[:3]
-
-
-@dataclass
-class Latent:
-    frame: int
-    modulus: int
-    portable: bool
-    update: int = None
-    state: bytes = None
-    size: bytes = None
-    tag: int = 0
-    pose: Pose = None
-    uncertain: bool = False
-    full: bool = True
-
-
 @dataclass
 class Packet:
-    latent: Latent
-    form: str
-    code: int
+    """What the latent part says. `bytes`: these; `rest`: all behind them."""
+    kind: int
+    flags: int
+    frame: int
     bytes: bytes
     rest: bytes
-    has_camera: bool = False
-    has_render: bool = False
-    base: dict = field(default_factory=dict)
+    tag: int = None
+    pose: Pose = None
+
+    @property
+    def portable(self):
+        return not self.flags & NOT_PORTABLE
+
+    def part(self, wanted):
+        """The bytes of a part behind the latent part, as many as there are."""
+        at = 0
+        for flag, length in ((SESSION, SESSION_LEN), (RENDER, RENDER_LEN)):
+            if wanted == flag:
+                return self.rest[at:at + length] if self.flags & flag else None
+            at += length if self.flags & flag else 0
+        return self.rest[at:]
 
 
 def near(number, modulus, last):
     if last is None:
         return number
     ahead = (number - last) % modulus
-    return (last + ahead - (modulus if ahead > modulus // 2 else 0)) % (1 << 24)
+    return (last + ahead - (modulus if ahead > modulus // 2 else 0)) % (1 << 32)
+
+
+def layout(data):
+    """The packet without pose, its length, and what a predicted pose states; no check is tested."""
+    if len(data) < 2:
+        raise Refused("too-short")
+    word = data[0] & 31
+    if word not in (SHORT, COMPACT, PREDICTED):
+        later = word == LATER and len(data) >= 18 and crc16(data[:16]) == le(data[16:18])
+        raise Refused("version" if later else "check")
+    if len(data) < 4:
+        raise Refused("too-short")
+    stated = Stated(data) if word == PREDICTED else None
+    length = stated.end + 2 if stated else 20 if word == SHORT else 24
+    if len(data) < length:
+        raise Refused("too-short")
+    return Packet(data[0] >> 5, data[1], le(data[2:4]), data[:length], data[length:]), stated
+
+
+def seal(packet, context=b""):
+    if crc16(context, packet.bytes[:-2]) != le(packet.bytes[-2:]):
+        raise Refused("check")
+    if packet.flags >> 6:
+        raise Refused("version")
 
 
 def read_latent(data, held):
-    """The latent part of any form."""
-    if data and data[0] >> 4 == 8:
-        return held.read(data)
-    if data and data[0] >> 4 != 0xB:
-        raise Refused("magic")
-    if len(data) < 19:
-        raise Refused("too-short")
-    version, flags = data[0] & 15, data[1]
-    profile = flags & 3
-    if version in FULL:
-        if len(data) < 31:
-            raise Refused("too-short")
-        if profile not in (1, 2):
-            raise Refused("profile")
-        length = 31 if profile == 1 else 43
-    elif version in SHORT:
-        if profile not in (0, 3):
-            raise Refused("profile")
-        if flags & 8:
-            raise Refused("short-camera")
-        length = 20 if version in LEARNT else 19
-    else:
-        later = any(len(data) >= n and crc16(data[:n - 2]) == le(data[n - 2:n]) for n in (19, 20, 31, 43))
-        raise Refused("version" if later else "check")
-    if len(data) < length:
-        raise Refused("too-short")
-    part = data[:length]
-    if crc16(part[:-2]) != le(part[-2:]):
-        raise Refused("check")
-    latent = Latent(le(part[2:4]), 1 << 16, version not in NOT_PORTABLE, uncertain=bool(flags & 4))
-    at = 4
-    if version in LEARNT:
-        latent.update, at = part[4], 5
-    if version in FULL:
-        if version not in LEARNT:
-            latent.frame, latent.modulus = le(part[2:5]), 1 << 24
-        latent.state, latent.size = part[5:9], part[9:12]
-        latent.pose = read_pose(part[12:-3], "compact" if profile == 1 else "paper")
-        latent.tag = part[-3]
-        code = flags >> 4 & 7
-    else:
-        latent.full, latent.tag = False, part[at]
-        latent.pose = read_pose(part[at + 1:-2], "short")
-        code = flags >> 4 & 7 | (8 if profile == 0 else 0)
-    form = "full" if version in FULL else "short"
-    return Packet(latent, form, code, part, data[length:], bool(flags & 8), bool(flags & 0x80))
+    packet, stated = layout(data)
+    if stated:
+        return held.read(packet, stated)
+    seal(packet)
+    packet.tag, packet.pose = le(data[4:6]), read_pose(packet.bytes[6:-2])
+    return packet
 
 
 class BitReader:
@@ -190,6 +156,19 @@ class BitReader:
         while self.bit():
             ones += 1
         return fold(ones << parameter | self.take(parameter))
+
+
+class Stated:
+    """A predicted pose, as the packet states it."""
+
+    def __init__(self, data):
+        reader = BitReader(data[4:])
+        self.distance, self.base = reader.take(6) + 1, reader.take(3)
+        scales = [reader.take(3), reader.take(3)]
+        self.offsets = [reader.number(scales[i // 3] + 2) for i in range(6)]
+        if reader.take(-reader.at % 8):
+            raise Refused("check")
+        self.end = 4 + reader.at // 8
 
 
 def rounded(value, by):
@@ -228,11 +207,11 @@ class Held:
         held = self.slots.get(frame % 128)
         return held if held and (held["frame"] - frame) % (1 << 16) == 0 else None
 
-    def hold(self, frame, latent, check):
-        pose = latent.pose.short()
+    def hold(self, frame, pose, session):
+        pose = pose.short()
         if pose is None:
             return self.forget(frame)
-        self.slots[frame % 128] = {"frame": frame, "pose": pose, "latent": latent, "check": check}
+        self.slots[frame % 128] = {"frame": frame, "pose": pose, "session": session}
         if self.last is None or not 1 <= (self.last - frame) % (1 << 32) < 128:
             self.last = frame
 
@@ -240,159 +219,109 @@ class Held:
         if self.get(frame):
             del self.slots[frame % 128]
 
-    def stated(self, data):
-        if len(data) < 2:
-            raise Refused("too-short")
-        if data[0] & 15 not in PREDICTED_CODES:
-            raise Refused("magic")
-        reader = BitReader(data[2:])
-        distance, base = reader.take(6) + 1, reader.take(3)
-        scales = [reader.take(3), reader.take(3)]
-        offsets = [reader.number(scales[i // 3] + 2) for i in range(6)]
-        end = 2 + (reader.at + 7) // 8
-        if reader.take(-reader.at % 8):
-            raise Refused("check")
-        if len(data) < end + 2:
-            raise Refused("too-short")
-        return data[1] & 127, distance, base, offsets, end
-
-    def read(self, data):
-        number, distance, base, offsets, end = self.stated(data)
-        frame = near(number, 128, self.last)
-        reference = self.get(frame - distance)
-        before = self.get(reference["frame"] - base) if reference and base else None
-        sound = reference and (not base or before and before["check"] == reference["check"]
+    def read(self, packet, stated):
+        frame = near(packet.frame, 1 << 16, self.last)
+        reference = self.get(frame - stated.distance)
+        before = self.get(reference["frame"] - stated.base) if reference and stated.base else None
+        sound = reference and (not stated.base or before and before["session"] == reference["session"]
                                and before["pose"][1] == reference["pose"][1])
         if not sound:
             raise Refused("pose-not-held")
-        context = [u16(frame), u32(reference["check"])]
+        context = [u32(reference["session"])]
         for held in (reference, before):
             if held:
                 centre, largest, small = held["pose"]
                 context.append(struct.pack("<6iB", *centre, *small, largest))
-        if crc16(u32(crc32(*context)), data[:1], data[2:end]) != le(data[end:end + 2]):
-            raise Refused("check")
-        start = predict(distance, reference["pose"], base, before and before["pose"])
-        pose = pose_of_short([a + b for a, b in zip(start[0], offsets)], start[1],
-                             [a + b for a, b in zip(start[2], offsets[3:])])
-        of = reference["latent"]
-        latent = Latent(frame, 1 << 24 if of.full and of.update is None else 1 << 16, of.portable, of.update, of.state,
-                        of.size, of.tag, pose, False, of.full)
-        return Packet(latent, "predicted", data[0] & 15, data[:end + 2], data[end + 2:])
+        seal(packet, u32(crc32(*context)))
+        start = predict(stated.distance, reference["pose"], stated.base, before and before["pose"])
+        packet.pose = pose_of_short([a + b for a, b in zip(start[0], stated.offsets)], start[1],
+                                    [a + b for a, b in zip(start[2], stated.offsets[3:])])
+        packet.tag = reference["session"] & 0xFFFF
+        return packet
 
     def refuse(self, data, name):
-        """What a refused packet in the predicted form takes along."""
-        if not data or data[0] >> 4 != 8:
-            return
+        """What a refused packet with a predicted pose takes along."""
         try:
-            number, distance, base, _, _ = self.stated(data)
+            packet, stated = layout(data)
         except Refused:
             return
-        frame = near(number, 128, self.last)
+        if not stated:
+            return
+        frame = near(packet.frame, 1 << 16, self.last)
         self.forget(frame)
         if name == "check":
-            self.forget(frame - distance)
-            self.forget(frame - distance - base)
+            self.forget(frame - stated.distance)
+            self.forget(frame - stated.distance - stated.base)
 
 
-def read_camera(packet):
-    part = packet.rest[:18]
-    if len(part) < 18:
+def is_whole(part):
+    return len(part) == SESSION_LEN and crc16(part[:-2]) == le(part[-2:])
+
+
+def read_session(packet):
+    """The prior's id and the camera."""
+    part = packet.part(SESSION)
+    if len(part) < SESSION_LEN:
         raise Refused("too-short")
-    check = crc16(packet.latent.size, part[:16])
-    if check != le(part[16:]):
+    if not is_whole(part):
         raise Refused("check")
-    if check & 0xFF != packet.latent.tag:
-        raise Refused("camera-tag")
-    size = le(packet.latent.size)
-    camera = Camera((size & 0xFFF) + 1, (size >> 12) + 1, part[:16])
-    fx, fy, cx, cy = struct.unpack("<4f", part[:16])
+    if crc32(part[:-2]) & 0xFFFF != packet.tag:
+        raise Refused("session-tag")
+    size, (fx, fy, cx, cy) = le(part[4:7]), struct.unpack("<4f", part[7:-2])
     if not (all(map(math.isfinite, (fx, fy, cx, cy))) and fx > 0 and fy > 0):
-        raise Refused("camera")
-    return camera
+        raise Refused("session")
+    return part[:4], Camera((size & 0xFFF) + 1, (size >> 12) + 1, part[7:-2])
+
+
+def read_render(packet):
+    """The check of the render; None: there is none, or it is damaged."""
+    part = packet.part(RENDER) or b""
+    is_right = len(part) == RENDER_LEN and crc16(packet.bytes, part[:4]) == le(part[4:])
+    return le(part[:4]) if is_right else None
 
 
 @dataclass
 class Residual:
-    """What follows the head. `error`: why not all of it can be used; `start`: it is the start of a payload."""
+    """What the residual part holds. `error`: why not all of it can be used; a payload may then be a start."""
     truth: bytes = None
     reference: tuple = None
-    is_stream: bool = False
-    small: bool = False
-    coder: str = None
     payload: bytes = None
     error: str = None
+    end: int = 0
 
 
-def read_residual(packet, rest):
-    """The residual part. If it is damaged, `error` says so, and a payload is its start if only its end is missing."""
-    code = packet.code
-    if code in (0, 1):
-        return Residual()
-    if code == 7:
-        return Residual(truth=b"\0")
-    coders = {2: "vp8", 3: "webp", 4: "wavelet", 5: "stream", 6: "truth"}
-    small, kind = code > 7, coders.get(code & 7 if code > 7 else code)
-    if kind is None or small and kind not in ("wavelet", "stream", "truth"):
+def read_residual(packet):
+    """The residual part. `end`: bytes up to its end, without padding."""
+    kind, flags, rest = packet.kind, packet.flags, packet.part(None)
+    if kind > INTER or kind < CODED and flags & SMALL or kind == ALL_SEEN and flags & TRUTH:
         return Residual(error="coder")
-    content, error = read_content(packet, rest)
-    found = Residual(small=small, error=error)
-    if content is None:
-        return found
-    if kind == "truth":
-        end = map_end(content)
+    if kind < CODED and not flags & TRUTH:
+        return Residual(truth=b"\0" if kind == ALL_SEEN else None)
+    if len(rest) < (5 if kind == INTER else 2):
+        return Residual(error="too-short")
+    found, at = Residual(), 2
+    if kind == INTER:
+        if rest[2] == 0:
+            return Residual(error="reference")
+        found.reference, at = (rest[2], le(rest[3:5])), 5
+    if flags & TRUTH:
+        end = map_end(rest[at:])
         if end is None:
-            return Residual(error=error or "truth")
-        found.truth, content = content[:end], content[end:]
-        kind = (None, None, "wavelet", "stream")[found.truth[0] & 3]
-    if kind == "stream":
-        found.is_stream = True
-        long = 1 if content[:1] == b"\0" else 3
-        if len(content) < long:
-            found.error, found.is_stream = error or "reference", False
+            found.error = "truth"
             return found
-        found.reference = (content[0], le(content[1:3])) if long == 3 else None
-        kind, content = "wavelet", content[long:]
-    found.coder, found.payload = kind, content if kind else None
+        found.truth, at = rest[at:at + end], at + end
+    found.payload = rest[at:].rstrip(b"\0")
+    found.end = at + len(found.payload)
+    if crc16(u32(crc32(packet.bytes)), rest[2:found.end]) != le(rest[:2]):
+        found.error = "check"
     return found
-
-
-def read_content(packet, rest):
-    """The content of the part, and the error. None: not even its start is there."""
-    if packet.form == "predicted":
-        if not packet.bytes[1] & 0x80:
-            return rest, "too-short"
-        if not rest:
-            return None, "too-short"
-        key = u32(crc32(packet.bytes[:1], packet.bytes[2:]))
-        return (rest[:-1], None) if crc8(key, rest[:-1]) == rest[-1] else (None, "check")
-    length, field_len = 0, 0
-    while True:
-        if field_len == 4:
-            return None, "length"
-        if field_len >= len(rest):
-            return None, "too-short"
-        byte = rest[field_len]
-        length |= (byte & 127) << 7 * field_len
-        field_len += 1
-        if byte < 128:
-            break
-    end, size = field_len + length, 4 if packet.form == "full" else 2
-    if len(rest) < end + size:
-        return rest[field_len:min(end, len(rest))], "too-short"
-    part = rest[:end]
-    if packet.form == "full":
-        check = u32(crc32(packet.bytes, part))
-    else:
-        check = u16(crc16(u32(crc32(packet.bytes)), part))
-    return (part[field_len:], None) if check == rest[end:end + size] else (None, "check")
 
 
 def map_end(content):
     """Where a truth map ends: docs/format/truth.md."""
     if not content:
         return None
-    if not content[0] & 12:
+    if not content[0] & 3:
         return 1
     if len(content) < 2:
         return None
@@ -406,3 +335,28 @@ def map_end(content):
             if content[at - 1] < 128:
                 break
     return at + length if length <= 1 << 20 and at + length <= len(content) else None
+
+
+@dataclass
+class Extent:
+    """What the start of a packet says by itself. `whole`: bytes up to the packet's end, if all of it is there."""
+    frame: int
+    valid: int
+    whole: int
+
+
+def extent(start):
+    packet, stated = layout(start)
+    if not stated:
+        packet = read_latent(start, None)
+    valid = head = len(packet.bytes)
+    for flag, right in ((SESSION, is_whole), (RENDER, lambda _: read_render(packet) is not None)):
+        part = packet.part(flag)
+        if part is not None:
+            valid += len(part) if valid == head and right(part) else 0
+            head += SESSION_LEN if flag == SESSION else RENDER_LEN
+    whole = None
+    if valid == head:
+        residual = read_residual(packet)
+        whole = None if residual.error else head + residual.end
+    return Extent(packet.frame, whole or valid, whole)

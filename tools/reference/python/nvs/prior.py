@@ -38,6 +38,7 @@ class Prior:
     def __init__(self, arrays, options, tables=None, key_frames=0, frame=None):
         """`frame`: the stated centre and spread, of a blocked prior."""
         self.positions, self.log_scales, self.rotations, self.logits, self.sh = arrays
+        self.options = options
         self.near, self.alpha_max, self.antialiased, self.background, self.trained_focal = options
         self.tables, self.key_frames, self.frame = tables, key_frames, frame
         self._drop()
@@ -55,18 +56,19 @@ class Prior:
             setattr(self, name, getattr(self, name)[good])
 
     def _identity(self):
-        parts = [b"nvsprior prior 1", struct.pack("<ffB3f", self.near, self.alpha_max, self.antialiased,
-                                                  *self.background)]
-        parts.append(struct.pack("<IQ", round(self.sh.shape[1] ** 0.5) - 1, len(self.logits)))
-        for array in (self.positions, self.log_scales, self.rotations, self.logits, self.sh):
-            parts.append(array.astype("<f4").tobytes())
-        if self.tables:
-            parts.append(self.tables.data)
-        if self.trained_focal is not None:
-            parts.append(b"focal" + struct.pack("<f", self.trained_focal))
+        """BLAKE3 of the parts that change the picture: each its name, its length and its content."""
+        near, alpha_max, antialiased, background, focal = self.options
+        arrays = (self.positions, self.log_scales, self.rotations, self.logits, self.sh)
+        options = struct.pack("<6fB", near, alpha_max, *background, focal or 0, antialiased)
+        parts = [("options", options)]
         if self.frame:
-            parts.append(b"frame" + struct.pack("<4f", *self.frame[0], self.frame[1]))
-        return blake3(b"".join(parts))[:4]
+            parts.append(("frame", struct.pack("<4f", *self.frame[0], self.frame[1])))
+        if self.tables:
+            parts.append(("tables", self.tables.data))
+        splats = struct.pack("<II", round(self.sh.shape[1] ** 0.5) - 1, len(self.logits))
+        parts.append(("splats", splats + b"".join(array.astype("<f4").tobytes() for array in arrays)))
+        named = (name.encode().ljust(8, b"\0") + struct.pack("<Q", len(content)) + content for name, content in parts)
+        return blake3(b"nvsprior prior 1" + b"".join(named))[:4]
 
     def _frame(self):
         if self.frame:
@@ -166,34 +168,125 @@ def read_ply(data):
     return Prior(arrays, options, None, key_frames)
 
 
+KNOWN = dict.fromkeys(["options", "frame", "tables", "splats", "exact", "blocks"], 3)
+KNOWN |= dict.fromkeys(["keys", "treated", "lens", "filter", "doubt", "record"], 0)
+
+
+def _container(data, magic):
+    """Head and parts of a file: degree, identity, number of splats, end of the parts, their contents by name."""
+    if data[:4] != magic:
+        raise Refused("magic")
+    if len(data) < 28:
+        raise Refused("truncated")
+    if data[4] != 1:
+        raise Refused("version")
+    if crc32(data[:24]) != le(data[24:28]):
+        raise Refused("damaged")
+    degree, count, identity, splats, end = struct.unpack_from("<BH4sIQ", data, 5)
+    if degree > 3 or splats == 0 or end < 28:
+        raise Refused("content")
+    if end > len(data):
+        raise Refused("truncated")
+    at, parts = 28, {}
+    for _ in range(count):
+        if at + 21 > end:
+            raise Refused("truncated")
+        name, flags, length, check = struct.unpack_from("<8sBQI", data, at)
+        letters = name.rstrip(b"\0")
+        if not letters or any(not 97 <= byte <= 122 for byte in letters):
+            raise Refused("content")
+        content = data[at + 21:at + 21 + length]
+        if at + 21 + length > end:
+            raise Refused("truncated")
+        if crc32(data[at:at + 17] + content) != check:
+            raise Refused("damaged")
+        name = letters.decode()
+        if flags != KNOWN.get(name, flags) or flags not in (0, 2, 3) or name in parts:
+            raise Refused("content")
+        if name not in KNOWN and flags & 2:
+            raise Refused("unknown-part")
+        parts[name] = content
+        at += 21 + length
+    if at != end:
+        raise Refused("content")
+    return degree, identity, splats, end, parts
+
+
+def _needed(parts, name, size=None):
+    if name not in parts:
+        raise Refused("content")
+    if size is not None and len(parts[name]) != size:
+        raise Refused("content" if len(parts[name]) > size else "truncated")
+    return parts[name]
+
+
+def _options(parts):
+    near, alpha_max, *background, focal = (F32(v) for v in struct.unpack("<6f", _needed(parts, "options", 25)[:24]))
+    antialiased = parts["options"][24]
+    sound = np.isfinite(near) and near > 0 and 0 < alpha_max < 1 and all(0 <= v <= 1 for v in background)
+    if not sound or antialiased > 1 or not (focal == 0 or 1 <= focal <= 1e6):
+        raise Refused("content")
+    return near, alpha_max, bool(antialiased), background, focal if focal != 0 else None
+
+
+def _besides(parts):
+    """The coder tables, the number of key frames and the coordinate frame, if it is stated."""
+    keys, frame = 0, None
+    if "keys" in parts:
+        part = parts["keys"]
+        keys = le(part[:4])
+        if not 1 <= keys <= 65536:
+            raise Refused("content")
+        bounds = struct.unpack_from("<6f", part, 4)
+        if not all(np.isfinite(bounds)) or any(a > b for a, b in zip(bounds[:3], bounds[3:])):
+            raise Refused("content")
+        _needed(parts, "keys", 28 + 10 * keys)
+    if "frame" in parts:
+        *centre, spread = (F32(v) for v in struct.unpack("<4f", _needed(parts, "frame", 16)))
+        if not np.isfinite([*centre, spread]).all() or not spread > 0:
+            raise Refused("content")
+        frame = (np.array(centre, F32), spread)
+    return Tables(parts["tables"]) if "tables" in parts else None, keys, frame
+
+
+def _checked(prior, identity):
+    if prior.id != identity:
+        raise Refused("identity")
+    return prior
+
+
 def read_compact(data):
     """A compact prior, .nvsg."""
-    if data[:4] != b"nvsg":
-        raise Refused("magic")
-    if len(data) < 80:
-        raise Refused("truncated")
-    if crc32(data[:-4]) != le(data[-4:]):
-        raise Refused("damaged")
-    body = data[:-4]
-    if body[4] != 1:
-        raise Refused("version")
-    degree, drawn, parts, count = body[5], body[6], body[7], le(body[8:12])
-    if degree > 3 or drawn > 3 or parts > 7 or count == 0:
+    degree, identity, count, end, parts = _container(data, b"nvsg")
+    if end != len(data):
         raise Refused("content")
-    origin = np.array(struct.unpack_from("<3f", body, 36), np.float64)
-    exponent = struct.unpack_from("<i", body, 48)[0]
-    steps = struct.unpack_from("<6f", body, 52)
+    options, besides = _options(parts), _besides(parts)
+    arrays = _exact(parts["exact"], count, degree) if "exact" in parts else None
+    arrays = arrays or _coded(_needed(parts, "splats"), count, degree)
+    return _checked(Prior(arrays, options, *besides), identity)
+
+
+def _exact(content, count, degree):
+    """Splats as they are."""
+    columns = 11 + 3 * (degree + 1) ** 2
+    planes = _planes(content, count, 4 * columns).reshape(columns, 4, count)
+    numbers = np.ascontiguousarray(planes.transpose(2, 0, 1)).view("<f4")[:, :, 0].astype(F32)
+    sh = numbers[:, 11:].reshape(count, (degree + 1) ** 2, 3)
+    return numbers[:, :3], numbers[:, 3:6], numbers[:, 6:10], numbers[:, 10], sh
+
+
+def _coded(content, count, degree):
+    """Splats in steps."""
+    if len(content) < 40:
+        raise Refused("truncated")
+    origin = np.array(struct.unpack_from("<3f", content, 0), np.float64)
+    exponent = struct.unpack_from("<i", content, 12)[0]
+    steps = struct.unpack_from("<6f", content, 16)
     sound = bool(np.isfinite(origin).all()) and -149 <= exponent <= 127
     sound &= all(s >= 1e-6 and s <= (0.125 if i == 2 else 1) for i, s in enumerate(np.array(steps)))
     if not sound:
         raise Refused("content")
-    at, focal = _focal(body, 76, drawn)
-    options = _options(body, 16, drawn, focal)
-    at, key_frames, tables = _besides(body, at, parts)
-    if count > len(body) - at:
-        raise Refused("truncated")
-    columns = 7 + 3 * (degree + 1) ** 2
-    ranks, numbers = _planes(body[at:], count, columns)
+    ranks, numbers = _numbers(content[40:], count, 7 + 3 * (degree + 1) ** 2)
     code = np.array([[sum((rank >> 3 * place + 2 - axis & 1) << place for place in range(30)) - (1 << 29)
                       for axis in range(3)] for rank in ranks], np.int64)
     size = np.abs(code)
@@ -209,126 +302,75 @@ def read_compact(data):
         green, red, blue = numbers[7 + 3 * k:10 + 3 * k]
         for c, value in enumerate((green + red, green, green + blue)):
             sh[:, k, c] = (value.astype(np.float64) * float(F32(steps[4 if k == 0 else 5]))).astype(F32)
-    arrays = (positions, np.stack([wide(i, steps[1]) for i in range(3)], 1), np.column_stack([w, xyz]).astype(F32),
-              wide(6, steps[3]), sh)
-    prior = Prior(arrays, options, tables, key_frames)
-    if prior.id != body[12:16]:
-        raise Refused("identity")
-    return prior
-
-
-def _focal(body, at, drawn):
-    """The trained focal length, and where what follows begins."""
-    if not drawn & 2:
-        return at, None
-    if len(body) < at + 4:
-        raise Refused("truncated")
-    return at + 4, F32(struct.unpack_from("<f", body, at)[0])
-
-
-def _options(body, at, drawn, focal):
-    near, alpha_max, *background = (F32(v) for v in struct.unpack_from("<5f", body, at))
-    sound = np.isfinite(near) and near > 0 and 0 < alpha_max < 1 and all(0 <= v <= 1 for v in background)
-    if not sound or (focal is not None and not 1 <= focal <= 1e6):
-        raise Refused("content")
-    return near, alpha_max, bool(drawn & 1), background, focal
-
-
-def _besides(body, at, parts):
-    """Preprocessing, key frames and coder tables. Returns where what follows begins."""
-    key_frames, tables = 0, None
-    if parts & 4:
-        at += 6
-    if parts & 1:
-        key_frames = le(body[at:at + 4])
-        size = 28 + 10 * key_frames
-        if not 1 <= key_frames <= 65536:
-            raise Refused("content")
-        if at + size > len(body):
-            raise Refused("truncated")
-        bounds = struct.unpack_from("<6f", body, at + 4)
-        if not all(np.isfinite(bounds)) or any(a > b for a, b in zip(bounds[:3], bounds[3:])):
-            raise Refused("content")
-        at += size
-    if parts & 2:
-        size = le(body[at:at + 4])
-        tables = Tables(body[at + 4:at + 4 + size])
-        at += 4 + size
-    return at, key_frames, tables
+    scales = np.stack([wide(i, steps[1]) for i in range(3)], 1)
+    return positions, scales, np.column_stack([w, xyz]).astype(F32), wide(6, steps[3]), sh
 
 
 def read_blocked(data):
     """A blocked prior, .nvsb."""
-    if len(data) < 12:
+    degree, identity, splats, at, parts = _container(data, b"nvsb")
+    options, (tables, keys, frame) = _options(parts), _besides(parts)
+    blocks = _needed(parts, "blocks")
+    if len(blocks) < 5:
         raise Refused("truncated")
-    if data[4] != 1:
-        raise Refused("version")
-    size = le(data[8:12])
-    if size < 68 + 36 + 4:
+    radius, clamped = F32(struct.unpack_from("<f", blocks)[0]), blocks[4]
+    entries = [struct.unpack_from("<III7f", blocks, i) for i in range(5, len(blocks) - 39, 40)]
+    if not entries or (len(blocks) - 5) % 40 or not 0 <= radius < np.inf or clamped > 1:
         raise Refused("content")
+    sides = [entry[3:] for entry in entries]
+    if not np.isfinite(sides).all() or any(s[i] > s[3 + i] for s in sides for i in range(3)):
+        raise Refused("content")
+    if any(not 1 <= entry[2] <= min(entry[0], 16384) or entry[9] <= 0 for entry in entries):
+        raise Refused("content")
+    size = at + sum(entry[0] for entry in entries)
     if size > len(data):
         raise Refused("truncated")
-    head, check = data[:size - 4], data[size - 4:size]
-    if crc32(head) != le(check):
-        raise Refused("damaged")
-    degree, drawn, parts = head[5:8]
-    splats, blocks = struct.unpack_from("<QI", head, 16)
-    if degree > 3 or drawn > 3 or parts > 15 or not 1 <= blocks <= (len(head) - 68) // 36:
+    if size < len(data) or sum(entry[2] for entry in entries) != splats or not frame:
         raise Refused("content")
-    *centre, spread, radius = (F32(v) for v in struct.unpack_from("<5f", head, 48))
-    if not np.isfinite([*centre, spread, radius]).all() or not spread > 0 or radius < 0:
-        raise Refused("content")
-    entries = [struct.unpack_from("<II7f", head, 68 + 36 * i) for i in range(blocks)]
-    at, focal = _focal(head, 68 + 36 * blocks, drawn)
-    options = _options(head, 28, drawn, focal)
-    at, key_frames, tables = _besides(head, at, parts & 7)
-    if at != len(head) or sum(entry[1] for entry in entries) != splats:
-        raise Refused("content")
-    pieces, at = [], size
-    for entry in entries:
-        if at + entry[0] > len(data):
-            raise Refused("truncated")
-        block = read_compact(data[at:at + entry[0]])
-        at += entry[0]
-        _check_block(block, entry, (degree, options, parts & 8), (centre, radius))
-        pieces.append((block.positions, block.log_scales, block.rotations, block.logits, block.sh))
+    pieces = []
+    for length, check, count, *floats in entries:
+        if crc32(data[at:at + length]) != check:
+            raise Refused("damaged")
+        piece = _coded(data[at:at + length], count, degree)
+        _check_block(piece, np.array(floats, F32), options, clamped, (frame[0], radius))
+        pieces.append(piece)
+        at += length
     arrays = tuple(np.concatenate(columns) for columns in zip(*pieces))
-    prior = Prior(arrays, options, tables, key_frames, (np.array(centre, F32), spread))
-    if prior.id != head[12:16]:
-        raise Refused("identity")
-    return prior
+    return _checked(Prior(arrays, options, tables, keys, frame), identity)
 
 
-def _check_block(block, entry, head, place):
+def _check_block(piece, floats, options, clamped, place):
     """Refuses a block that is not what the head says."""
-    _, count, *floats = entry
-    least, greatest, longest = np.array(floats[:3], F32), np.array(floats[3:6], F32), floats[6]
-    degree, options, clamped = head
-    centre, radius = place
-    own = (block.near, block.alpha_max, block.antialiased, block.background, block.trained_focal)
-    same = 1 <= count <= 16384 and len(block.logits) == count and own == options
-    same &= block.sh.shape[1] == (degree + 1) ** 2
-    same &= bool(((block.positions >= least) & (block.positions <= greatest)).all())
-    same &= bool(np.exp(block.log_scales.astype(np.float64)).max() <= longest)
-    away = np.sqrt(((block.positions.astype(np.float64) - np.array(centre, np.float64)) ** 2).sum(1))
+    positions, log_scales, _, logits, _ = piece
+    (centre, radius), longest = place, float(floats[6])
+    same = bool(((positions >= floats[:3]) & (positions <= floats[3:6])).all())
+    same &= bool(np.exp(log_scales.astype(np.float64)).max() <= longest)
+    away = np.sqrt(((positions.astype(np.float64) - centre.astype(np.float64)) ** 2).sum(1))
     same &= bool((away <= radius).all())
-    opacity = (1 / (1 + np.exp(-block.logits.astype(np.float64)))).astype(F32)
+    opacity = (1 / (1 + np.exp(-logits.astype(np.float64)))).astype(F32)
     same &= bool(clamped) or bool((opacity <= F32(options[1] * (F32(1) - F32(1e-5)))).all())
     if not same:
         raise Refused("content")
 
 
-def _planes(stream, count, columns):
-    """The coded part: ranks on the Morton curve, and columns of numbers."""
-    size = count * (12 + 4 * columns)
+def _planes(stream, count, planes):
+    """Byte planes of so many splats, packed."""
+    size = count * planes
+    if count > len(stream):
+        raise Refused("truncated")
     filters = [{"id": lzma.FILTER_LZMA1, "dict_size": min(max(size, 4096), 1 << 26), "lc": 0, "lp": 0, "pb": 0}]
     try:
-        planes = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=filters).decompress(stream, size)
+        unpacked = lzma.LZMADecompressor(lzma.FORMAT_RAW, filters=filters).decompress(stream, size)
     except lzma.LZMAError:
         raise Refused("content") from None
-    if len(planes) < size:
+    if len(unpacked) < size:
         raise Refused("content")
-    planes = np.frombuffer(planes, np.uint8).reshape(-1, count)
+    return np.frombuffer(unpacked, np.uint8).reshape(planes, count)
+
+
+def _numbers(stream, count, columns):
+    """Ranks on the Morton curve, and columns of numbers."""
+    planes = _planes(stream, count, 12 + 4 * columns)
     rank, ranks = 0, []
     for splat in range(count):
         rank += le(planes[:12, splat].tobytes())
@@ -349,9 +391,4 @@ def read_prior(data):
 
 
 def open_prior(path):
-    prior = read_prior(Path(path).read_bytes())
-    beside = Path(f"{path}.tables")
-    if beside.exists():
-        prior.tables = Tables(beside.read_bytes())
-        prior.id = prior._identity()
-    return prior
+    return read_prior(Path(path).read_bytes())

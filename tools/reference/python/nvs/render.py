@@ -90,10 +90,6 @@ def normalised(q):
 
 def placed(pose, prior):
     """Rotation (w, x, y, z) and translation of a packet's pose, relative to the prior's centre."""
-    if pose.kind == "paper":
-        q = normalised(pose.quaternion)
-        moved = times(matrix(q), [F32(v) for v in prior.centre])
-        return q, [F32(t) + m for t, m in zip(pose.translation, moved)]
     step = F32(1) / (F32(131071) * F32(1.4142135))
     small = [F32(k) * step for k in pose.small]
     rest = F32(1) - dot(small, small)
@@ -104,22 +100,16 @@ def placed(pose, prior):
 
 
 class Scene:
-    """Splats as they are drawn: "Splats". `learnt`: updates."""
+    """Splats as they are drawn: "Splats"."""
 
-    def __init__(self, prior, learnt=None):
+    def __init__(self, prior):
         self.prior = prior
         opacity = opacities(prior.logits)
         kept = np.flatnonzero(opacity >= F32(1 / 255))
         kept = kept if len(kept) else np.array([0])
         self.clamped = bool((opacity[kept] > prior.alpha_max * (F32(1) - F32(1e-5))).any())
         self.opacity = opacity[kept]
-        if learnt:
-            self.opacity = self.opacity * np.array([learnt.fade(p) for p in prior.positions[kept]], F32)
         arrays = [a[kept] for a in (prior.positions, prior.log_scales, prior.rotations, prior.sh)]
-        if learnt and learnt.splats:
-            more = learnt.arrays(prior.sh.shape[1])
-            self.opacity = np.concatenate([self.opacity, opacities(more[3])])
-            arrays = [np.concatenate([a, b]) for a, b in zip(arrays, (*more[:3], more[4]))]
         positions, log_scales, rotations, self.sh = arrays
         self.positions = [c.astype(F32) for c in (positions.astype(np.float64) - prior.centre.astype(np.float64)).T]
         self.axes = scaled_axes(rotations, log_scales)

@@ -29,18 +29,18 @@ class TruthDecoder:
     def read(self, frame, data):
         """Marks of a map; None: it is lost."""
         first = data[0]
-        predicted, whole, form = first >> 4 & 1, first >> 5 & 1, first >> 2 & 3
+        form, predicted, whole = first & 3, first >> 2 & 1, first >> 3 & 1
         if form == 0:
             marks = np.full(self.shape, MENDED if whole else RENDERED)
         else:
-            if predicted and self.key_frame != (frame - (data[1] >> 4)) % (1 << 24):
+            if predicted and self.key_frame != (frame - (data[1] >> 4)) % (1 << 16):
                 return None
             start = 2
             if data[1] & 15 == 15:
                 start = next((i + 1 for i in range(2, 5) if data[i] < 128), 5)
             marks = self._cells(RangeDecoder(data[start:]), whole, predicted, 1 << form - 1)
         if not predicted:
-            self.key, self.key_frame = marks, frame
+            self.key, self.key_frame = marks, frame % (1 << 16)
         return marks
 
     def _cells(self, coder, whole, predicted, side):

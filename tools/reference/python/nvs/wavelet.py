@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from .adaptive_numbers import Signed
 from .bits import RangeDecoder, Unknown, exp
 from .stream import FACTORS, sample
-from .update import Signed
 
 I32 = np.int32
 ROTATION = np.array([[9242, 10501, 8529], [12798, -3439, -9634], [4384, -12097, 10143]], np.int64)
@@ -288,11 +288,9 @@ class Frame:
         self.was_cut, self.blind, low_plain = decoder.bit(16384), decoder.bit(2048), decoder.bit(2048)
         self.step = decoder.plain(6)
         self.finest = [decoder.plain(3) for _ in range(3)]
-        blocks = np.ones((geometry.rows, geometry.columns), bool)
         h, w = self.render.shape[:2]
         self.weights = np.full((h, w), 16, np.int64)
-        has_fine = small_blocks
-        if has_fine and decoder.bit(1024):
+        if small_blocks and decoder.bit(1024):
             if not self.is_inter:
                 return False
             self.displaced = DisplacedBlocks(w, h, decoder)
@@ -300,29 +298,14 @@ class Frame:
         self.all_predicted = not low_plain and not small_blocks
         if small_blocks:
             self._small_blocks()
-        elif has_fine:
-            pass
-        elif decoder.bit(4096):
-            blocks = read_blocks(decoder, geometry)
-            self.all_predicted &= bool(blocks.all())
-        for band in geometry.bands():
-            if band.rank == 0:
-                self.weights[band.place] = 0 if low_plain else 16
-            elif not small_blocks:
-                self.weights[band.place] = 16 * blocks[band.block(geometry.levels - band.level, *geometry.sizes[-1])]
-        known = np.full((h, w), not self.blind)
-        if not self.blind and (small_blocks or not blocks.all()):
-            for band in geometry.bands():
-                if small_blocks:
-                    known[band.place] = self.weights[band.place] == 16
-                else:
-                    known[band.place] = blocks[band.block(geometry.levels - band.level, *geometry.sizes[-1])]
-        if not self.blind and self.displaced:
+        self.weights[geometry.band(geometry.levels, 0).place] = 0 if low_plain else 16
+        known = (self.weights == 16) | (not small_blocks)
+        if self.displaced:
             for band in geometry.bands():
                 if band.level <= 4:
                     is_displaced = self.displaced.is_displaced[band.block(4 - band.level, *self.displaced.size)]
                     known[band.place] &= ~is_displaced
-        self.known = known
+        self.known = known & (not self.blind)
         return True
 
     def _small_blocks(self):

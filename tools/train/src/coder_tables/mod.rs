@@ -115,8 +115,8 @@ fn collect(
             let step = Step::new(STEPS.start + (random.bits() % span) as u8);
             // One coding in five does as a device that is not portable does.
             let sees_render = !random.bits().is_multiple_of(5);
-            // Packets in the full form have no small blocks.
-            sampler.encoder().allow_small_blocks(!random.bits().is_multiple_of(4));
+            // One in four is coded without blocks, as most frames of a well-mapped site are.
+            sampler.set_small_blocks(!random.bits().is_multiple_of(4));
             sampler.encoder().set(&pair.frame, &pair.render, sees_render);
             sampler.visit(step, |sample| collector.take(sample));
             collector.even_out(before);
@@ -157,7 +157,8 @@ fn offsets(examples: &[Example], tables: &mut Tables) {
 pub fn measure(pairs: &[Pair], tables: &Tables, step: Step, sees_render: bool) -> (f64, f64) {
     let of_pair = |pair: &Pair| {
         let Picture { width, height, .. } = pair.frame;
-        let mut sampler = Sampler::new(width, height, tables).with_small_blocks();
+        let mut sampler = Sampler::new(width, height, tables);
+        sampler.set_small_blocks(true);
         let mut bytes = Vec::with_capacity(8 * pair.frame.data.len() + 64);
         sampler.encoder().set(&pair.frame, &pair.render, sees_render);
         sampler.encoder().choose_blocks(step);

@@ -32,7 +32,6 @@ pub fn filter_examples(
         let mut random = Random::new(seed ^ number as u64);
         let Picture { width, height, .. } = pair.frame;
         let mut encoder = WaveletEncoder::new(width, height, tables);
-        encoder.allow_small_blocks(true);
         encoder.set(&pair.frame, &pair.render, true);
         let mut bytes = Vec::with_capacity(8 * pair.frame.data.len() + 64);
         let width = f32::from(STEPS.end - STEPS.start) / count as f32;

@@ -146,7 +146,7 @@ function showState() {
   byId("link-line").textContent =
     `${state.source} · ${link.bytes} bytes in ${link.frames} frames, ${link.garbage} of no use · ` +
     (link.foreign === null ? "" : `${link.foreign} of strangers, ${link.replayed} replayed · `) +
-    `${link.learnt} updates of the prior learnt` + (link.reports === null ? " · no return channel" : ` · ${link.reports} reports sent`);
+    (link.reports === null ? "no return channel" : `${link.reports} reports sent`);
   byId("warnings").replaceChildren(...state.warnings.map((text) => {
     const item = document.createElement("li");
     item.textContent = text;

@@ -1,7 +1,6 @@
-//! A vehicle that learns, and the console's pictures, over a link that loses modem frames. Time is counted, not waited
-//! for.
+//! A vehicle and the console's pictures, over a link that loses modem frames. Time is counted, not waited for.
 
-use nvsprior::modem::{Loss, Protection, RateControlOptions, Report, SenderOptions, UpdateOptions};
+use nvsprior::modem::{Loss, Protection, RateControlOptions, Report, SenderOptions};
 use nvsprior::random::Random;
 use nvsprior::residual::Tune;
 use nvsprior::tracking::{FrameInfo, Hint};
@@ -20,7 +19,7 @@ const FRAMES: usize = 12;
 const LOSS: f32 = 0.1;
 
 /// A vehicle at three frames a second.
-pub fn options(updates: Option<UpdateOptions>) -> VehicleOptions {
+pub fn options() -> VehicleOptions {
     let control = RateControlOptions {
         bit_rate: 16_000.0,
         mtu: MTU,
@@ -35,7 +34,7 @@ pub fn options(updates: Option<UpdateOptions>) -> VehicleOptions {
         user: Some(EXPOSURE_LEN),
     };
     let protection = Protection::Layers;
-    let sender = SenderOptions { control, stream: 0, protection, expect_reports: true, updates };
+    let sender = SenderOptions { control, stream: 0, protection, expect_reports: true };
     let mode = Mode::Intra;
     VehicleOptions {
         sender,
@@ -54,22 +53,21 @@ struct Link {
     pictures: Pictures,
     random: Random,
     frames: Vec<DemoFrame>,
-    /// Pictures of packets that came in full and were drawn with an update.
-    learnt: usize,
+    /// Pictures of packets that came in full.
+    whole: usize,
 }
 
 impl Link {
     fn new() -> Link {
         let engine = Engine::new(&Default::default()).unwrap();
         let prior = Prior::from_bytes(PRIOR, "the demo's prior", &Default::default()).unwrap();
-        let [below, above] = [(); 2].map(|()| engine.upload_for_updates(&prior).unwrap());
-        let learning = options(Some(UpdateOptions::default()));
+        let scene = engine.upload(&prior).unwrap();
         Link {
-            vehicle: Vehicle::new(&engine, &below, &CAMERA, &learning, None).unwrap(),
-            pictures: Pictures::new(&engine, &above, MTU, false, None).unwrap(),
+            vehicle: Vehicle::new(&engine, &scene, &CAMERA, &options(), None).unwrap(),
+            pictures: Pictures::new(&engine, &scene, MTU, false, None).unwrap(),
             random: Random::new(7),
             frames: nvsprior_basin::inspection_run(Run::T2, FRAMES, Conditions::CALM).collect(),
-            learnt: 0,
+            whole: 0,
         }
     }
 
@@ -88,7 +86,6 @@ impl Link {
         };
         let sent = self.vehicle.take(&taken, || exposed).unwrap();
         let expected = self.vehicle.picture().clone();
-        self.vehicle.learn(exposed).unwrap();
         for part in 0..10 {
             let now = exposed + f64::from(part) / 10.0 / FRAME_RATE;
             while let Some((_, share)) = self.vehicle.next_share(now) {
@@ -99,19 +96,18 @@ impl Link {
             self.pictures.decode().unwrap();
         }
         if let Some(sent) = sent {
-            self.compare(sent.number, sent.update, &expected);
+            self.compare(sent.number, &expected);
         }
         self.report(exposed);
     }
 
-    fn compare(&mut self, number: u32, update: u16, expected: &Picture) {
+    fn compare(&mut self, number: u32, expected: &Picture) {
         let Some(shown) = self.pictures.shown() else { return };
         if shown.decoded.frame != number || !shown.complete {
             return;
         }
-        assert_eq!(shown.decoded.missing_update, None, "nothing is drawn with what did not come");
-        assert!(shown.decoded.picture == *expected, "frame {number}, update {update}");
-        self.learnt += usize::from(update > 0);
+        assert!(shown.decoded.picture == *expected, "frame {number}");
+        self.whole += 1;
     }
 
     fn report(&mut self, now: f64) {
@@ -123,15 +119,8 @@ impl Link {
 }
 
 #[test]
-fn what_the_vehicle_learns_is_in_both_pictures() {
+fn whole_pictures_are_those_of_the_vehicle() {
     let mut link = Link::new();
-    for number in 0..80 {
-        link.step(number);
-        if link.learnt == 5 {
-            break;
-        }
-    }
-    assert_eq!(link.learnt, 5, "pictures that agree after an update");
-    assert!(link.pictures.learnt() > 0);
-    assert!(link.vehicle.updates.iter().any(|update| update.adopted.is_some()));
+    (0..20).for_each(|number| link.step(number));
+    assert!(link.whole > 10, "{} whole pictures", link.whole);
 }

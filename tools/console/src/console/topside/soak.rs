@@ -35,7 +35,7 @@ fn recording(engine: &Engine, prior: &Prior) -> Vec<Recorded> {
     let scene = engine.upload(prior).unwrap();
     let frames: Vec<_> =
         (0..FRAMES).map(|t| clean_frame(engine, &scene, &pose(t as f64))).collect();
-    let mut vehicle = Vehicle::new(engine, &scene, &CAMERA, &options(None), None).unwrap();
+    let mut vehicle = Vehicle::new(engine, &scene, &CAMERA, &options(), None).unwrap();
     let (mut recorded, mut sent) = (Vec::new(), 0);
     for number in 0..(SECONDS * FRAME_RATE) as usize {
         let exposed = number as f64 / FRAME_RATE;
@@ -105,7 +105,6 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         return_path: ReturnPath::Udp(socket),
         keeper: Keeper::new(folder.path().into()),
         video: None,
-        doubt: None,
         filter: true,
         keys: None,
         key_state: None,

@@ -2,7 +2,6 @@
 
 use anyhow::Context as _;
 use nvsprior::image::psnr_of_mse;
-use nvsprior::packet::Residual;
 use nvsprior::render::{Plan, Renderer};
 use nvsprior::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Picture, Pose, Rate};
@@ -55,11 +54,7 @@ impl Judge {
         let energy = render.mse(picture);
         let coded = residual.encode(picture, render, QUALITY, 0);
         let coded = coded.with_context(|| format!("coding the difference from {file}"))?;
-        let bytes = match coded.residual {
-            Residual::Coded { payload, .. } | Residual::Stream { payload, .. } => payload.len(),
-            Residual::None | Residual::Omitted => 0,
-        };
-        Ok(Verdict { energy, bytes })
+        Ok(Verdict { energy, bytes: coded.residual.payload().len() })
     }
 
     fn tools(&mut self, context: &Context, camera: &Camera) -> anyhow::Result<&mut Tools> {

@@ -99,7 +99,7 @@ impl Run {
         let payload = outcome.bytes as f64 / self.len();
         let (packet, beside) = match input {
             Input::Frame => (0.0, Beside::default()),
-            Input::Difference => (packet_bytes(payload), self.beside),
+            Input::Difference => (packet_bytes(), self.beside),
         };
         Point {
             coder,
@@ -115,11 +115,9 @@ impl Run {
     }
 }
 
-/// Bytes of a steady packet without its payload: the latent part's short form, the payload's length and the check.
-fn packet_bytes(payload: f64) -> f64 {
-    let payload = payload.round() as usize;
-    // `residual_part_len` is the full form's; the short form's check has two bytes fewer.
-    (SHORT_LATENT_LEN + residual_part_len(payload) - payload - 2) as f64
+/// Bytes of a steady packet without its payload: its latent part, and the residual's check.
+fn packet_bytes() -> f64 {
+    (SHORT_LATENT_LEN + residual_part_len(0)) as f64
 }
 
 #[cfg(test)]
@@ -128,8 +126,7 @@ mod tests {
 
     #[test]
     fn a_steady_packet_adds_what_the_command_says() {
-        assert_eq!(packet_bytes(100.4), 19.0 + 1.0 + 2.0);
-        assert_eq!(packet_bytes(700.0), 19.0 + 2.0 + 2.0);
+        assert_eq!(packet_bytes(), 20.0 + 2.0);
     }
 
     #[test]

@@ -6,9 +6,8 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use glam::{DMat3, DQuat, DVec3};
-use nvsprior::image::Preprocessing;
-use nvsprior::prior::blocked::{BlockedWriter, Extras};
-use nvsprior::prior::{KeyFrames, Splats};
+use nvsprior::prior::blocked::BlockedWriter;
+use nvsprior::prior::{Besides, Extras, Splats};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 
 /// What is taken of the scene: the demo's basin without the walls across the row, and without what lies far off.
@@ -86,14 +85,15 @@ impl Tiled {
         if count < splats.len() {
             splats = splats.filtered(&kept);
         }
-        let extras = Extras {
-            key_frames: &KeyFrames::NONE,
+        let besides = Besides {
+            options: &self.options,
+            frame: None,
             coder_tables: None,
-            preprocessing: &Preprocessing::NONE,
+            extras: &Extras::default(),
         };
         let file = File::create(path).with_context(|| path.display().to_string())?;
         let writer = BlockedWriter::default();
-        writer.write(&splats, &self.options, &extras, BufWriter::new(file), done)?;
+        writer.write(&splats, &besides, BufWriter::new(file), done)?;
         Ok(())
     }
 }

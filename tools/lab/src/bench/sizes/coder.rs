@@ -1,7 +1,7 @@
 //! The wavelet coder's CPU time at a size, by rate.
 
 use nvsprior::Picture;
-use nvsprior::packet::{Coder, Residual};
+use nvsprior::packet::Residual;
 use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualSetup};
 use serde::Serialize;
 
@@ -29,8 +29,8 @@ pub struct AtRate {
     decode_cpu_ms: Option<f64>,
 }
 
-/// A frame's payload; `None`: none makes the render better.
-type Payload = Option<(Coder, Vec<u8>)>;
+/// Whether a frame's payload has small blocks, and its bytes; `None`: none makes the render better.
+type Payload = Option<(bool, Vec<u8>)>;
 
 /// Codes frames beside their renders.
 pub fn measure(
@@ -46,8 +46,8 @@ pub fn measure(
         let ((), decode_cpu_ms) = timed(|| {
             for ((_, render), payload) in frames.iter().zip(&payloads) {
                 shown.clone_from(render);
-                if let Some((coder, payload)) = payload {
-                    let residual = Residual::Coded { coder: *coder, payload };
+                if let Some((small_blocks, payload)) = payload {
+                    let residual = Residual::Coded { small_blocks: *small_blocks, payload };
                     decoder.add(&residual, setup.portable, &mut shown)?;
                 }
             }
@@ -78,7 +78,7 @@ fn encode(
         let coded = encoder.encode(frame, render, rate, 0)?;
         codings += coded.probes;
         payloads.push(match coded.residual {
-            Residual::Coded { coder, payload } => Some((coder, payload.to_vec())),
+            Residual::Coded { small_blocks, payload } => Some((small_blocks, payload.to_vec())),
             _ => None,
         });
     }

@@ -1,0 +1,194 @@
+//! The first two bytes of a packet: which fields follow, and how they are stated.
+
+use super::error::PacketError;
+use super::pose::PoseProfile;
+
+/// Bytes of the head.
+pub(crate) const LEN: usize = 2;
+
+/// The low bits of the first byte tell the pose's kind, and so how long the latent part is. Any two of these words
+/// differ in three bits or more: one or two flipped bits make no other length.
+const POSE_BITS: u8 = 0b1_1111;
+const SHORT: u8 = 0b0_0000;
+const COMPACT: u8 = 0b0_0111;
+const PREDICTED: u8 = 0b1_1001;
+/// Not used by this version.
+const LATER: u8 = 0b1_1110;
+const KIND_SHIFT: u8 = 5;
+
+const SMALL_BLOCKS: u8 = 1;
+const TRUTH: u8 = 1 << 1;
+const SESSION: u8 = 1 << 2;
+const RENDER: u8 = 1 << 3;
+const UNCERTAIN: u8 = 1 << 4;
+const NOT_PORTABLE: u8 = 1 << 5;
+/// Bits of the second byte that this version does not use.
+const UNUSED: u8 = 0b1100_0000;
+
+/// How the pose is stated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PoseKind {
+    /// In the steps of this profile.
+    Absolute(PoseProfile),
+    /// As what it differs by from one that both sides compute.
+    Predicted,
+}
+
+impl PoseKind {
+    fn word(self) -> u8 {
+        match self {
+            PoseKind::Absolute(PoseProfile::Short) => SHORT,
+            PoseKind::Absolute(PoseProfile::Compact) => COMPACT,
+            PoseKind::Predicted => PREDICTED,
+            // It is no part of the format: only what compares with the paper reads it.
+            PoseKind::Absolute(PoseProfile::Paper) => LATER,
+        }
+    }
+
+    fn of(word: u8) -> Option<PoseKind> {
+        match word {
+            SHORT => Some(PoseKind::Absolute(PoseProfile::Short)),
+            COMPACT => Some(PoseKind::Absolute(PoseProfile::Compact)),
+            PREDICTED => Some(PoseKind::Predicted),
+            LATER if cfg!(feature = "paper") => Some(PoseKind::Absolute(PoseProfile::Paper)),
+            _ => None,
+        }
+    }
+}
+
+/// What the residual part holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Kind {
+    /// Nothing: no residual was asked for, or none was needed.
+    None = 0,
+    /// Nothing: one was asked for, but the budget holds none.
+    Omitted = 1,
+    /// Nothing, and all of the picture is as seen.
+    AllSeen = 2,
+    /// A payload of no stream.
+    Coded = 3,
+    /// One of a stream, predicted from no other frame.
+    Stream = 4,
+    /// One of a stream, predicted from a reference.
+    Inter = 5,
+    /// WebP without what the packet says anyway. Only what compares with the paper reads these two.
+    Vp8 = 6,
+    /// A whole WebP file.
+    WebP = 7,
+}
+
+impl Kind {
+    fn of(number: u8) -> Kind {
+        match number {
+            0 => Kind::None,
+            1 => Kind::Omitted,
+            2 => Kind::AllSeen,
+            3 => Kind::Coded,
+            4 => Kind::Stream,
+            5 => Kind::Inter,
+            6 => Kind::Vp8,
+            _ => Kind::WebP,
+        }
+    }
+
+    /// Whether a payload of the wavelet coder follows.
+    pub fn is_wavelet(self) -> bool {
+        matches!(self, Kind::Coded | Kind::Stream | Kind::Inter)
+    }
+
+    /// Whether a payload of WebP follows.
+    pub fn is_webp(self) -> bool {
+        matches!(self, Kind::Vp8 | Kind::WebP)
+    }
+}
+
+/// What the first two bytes say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Head {
+    pub pose: PoseKind,
+    pub kind: Kind,
+    pub small_blocks: bool,
+    /// A truth map lies in front of the payload.
+    pub truth: bool,
+    /// The session part follows.
+    pub session: bool,
+    /// The render part follows.
+    pub render: bool,
+    pub uncertain: bool,
+    pub portable: bool,
+    /// Bits are set that this version does not know.
+    pub later: bool,
+}
+
+impl Head {
+    pub fn new(pose: PoseKind, kind: Kind) -> Head {
+        Head {
+            pose,
+            kind,
+            small_blocks: false,
+            truth: false,
+            session: false,
+            render: false,
+            uncertain: false,
+            portable: true,
+            later: false,
+        }
+    }
+
+    pub fn bytes(&self) -> [u8; LEN] {
+        let bit = |set: bool, bit: u8| if set { bit } else { 0 };
+        let second = bit(self.small_blocks, SMALL_BLOCKS)
+            | bit(self.truth, TRUTH)
+            | bit(self.session, SESSION)
+            | bit(self.render, RENDER)
+            | bit(self.uncertain, UNCERTAIN)
+            | bit(!self.portable, NOT_PORTABLE);
+        [self.pose.word() | (self.kind as u8) << KIND_SHIFT, second]
+    }
+
+    /// Reads it. `None`: no packet of this version begins so.
+    pub fn read([first, second]: [u8; LEN]) -> Option<Head> {
+        Some(Head {
+            pose: PoseKind::of(first & POSE_BITS)?,
+            kind: Kind::of(first >> KIND_SHIFT),
+            small_blocks: second & SMALL_BLOCKS != 0,
+            truth: second & TRUTH != 0,
+            session: second & SESSION != 0,
+            render: second & RENDER != 0,
+            uncertain: second & UNCERTAIN != 0,
+            portable: second & NOT_PORTABLE == 0,
+            later: second & UNUSED != 0,
+        })
+    }
+
+    /// Refuses what this version does not know. Call it once the check has matched.
+    pub fn check(&self) -> Result<(), PacketError> {
+        if self.later { Err(PacketError::Version) } else { Ok(()) }
+    }
+
+    /// Whether a residual part follows.
+    pub fn has_content(&self) -> bool {
+        self.truth || self.kind.is_wavelet() || self.kind.is_webp()
+    }
+
+    /// Whether the fields of the residual part fit each other, and this build reads them.
+    pub fn is_known(&self) -> bool {
+        match self.kind {
+            Kind::None | Kind::Omitted => !self.small_blocks,
+            Kind::AllSeen => !self.small_blocks && !self.truth,
+            Kind::Coded | Kind::Stream | Kind::Inter => true,
+            Kind::Vp8 | Kind::WebP => cfg!(feature = "paper") && !self.small_blocks && !self.truth,
+        }
+    }
+}
+
+/// Whether a packet that begins with this byte may be one of a later version.
+pub(super) fn is_later(first: u8) -> bool {
+    first & POSE_BITS == LATER
+}
+
+/// Whether a packet that begins with this byte states a predicted pose.
+pub(crate) fn is_predicted(first: u8) -> bool {
+    first & POSE_BITS == PREDICTED
+}
