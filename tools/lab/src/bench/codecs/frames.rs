@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use nvsprior::coder_tables::Tables;
-use nvsprior::packet::{Residual, residual_part_len};
+use nvsprior::packet::residual_part_len;
 use nvsprior::residual::{
     CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup, Tune,
 };
@@ -32,11 +32,7 @@ struct Coded {
 
 impl Coded {
     fn of(coded: &CodedResidual) -> Coded {
-        let bytes = match coded.residual {
-            Residual::Coded { payload, .. } => payload.len(),
-            _ => 0,
-        };
-        Coded { bytes, psnr: coded.psnr }
+        Coded { bytes: coded.residual.payload().len(), psnr: coded.psnr }
     }
 }
 

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use nvsprior::coder_tables::Tables;
-use nvsprior::packet::Residual;
 use nvsprior::render::Scene;
 use nvsprior::render::filter::FilterPlan;
 use nvsprior::residual::{
@@ -97,9 +96,7 @@ impl Own {
         for (frame, base) in run.frames.iter().zip(run.bases(input)) {
             let (coded, ms) = timed(|| Ok(encoder.encode(frame, base, rate, 0)?))?;
             outcome.encode_ms += ms;
-            if let Residual::Coded { payload, .. } = coded.residual {
-                outcome.bytes += payload.len();
-            }
+            outcome.bytes += coded.residual.payload().len();
             let mut shown = base.clone();
             let ((), ms) = timed(|| Ok(decoder.add(&coded.residual, portable, &mut shown)?))?;
             outcome.decode_ms += ms;

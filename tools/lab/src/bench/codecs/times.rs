@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use nvsprior::Pose;
-use nvsprior::packet::Residual;
 use nvsprior::render::filter::FilterPlan;
 use nvsprior::residual::wavelet::Step;
 use nvsprior::residual::{
@@ -97,9 +96,7 @@ pub fn measure(
                 let share = 1.0 / (count * REPEATS as f64);
                 codings += f64::from(coded.probes) * share;
                 psnr += coded.psnr * share;
-                if let Residual::Coded { payload: bytes, .. } = coded.residual {
-                    payload += bytes.len() as f64 * share;
-                }
+                payload += coded.residual.payload().len() as f64 * share;
             }
             encodings.push((median(encode), forward));
             decodings.push((median(decode), forward));
