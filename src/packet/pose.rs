@@ -187,7 +187,7 @@ impl QuantisedPose {
         if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
 
-    /// Whether the short form can hold it: it lies on the short code's grid, within its reach.
+    /// Whether [`PoseProfile::Short`] can hold it: it lies on the grid of that, within its reach.
     pub fn is_short(&self) -> bool {
         self.short().is_some()
     }

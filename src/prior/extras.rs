@@ -22,7 +22,7 @@ pub struct Extras {
     /// Doubt: how far the prior's picture may be off, splat by splat, in the prior's order. The error that a splat's
     /// part of a picture is expected to have, RMS, values of 0 to 255. Only topsides need it.
     pub doubt: Option<Vec<u8>>,
-    /// What the prior learnt since it was mapped, as text.
+    /// The dives that the prior was trained on since it was mapped, as text.
     pub record: Option<String>,
 }
 

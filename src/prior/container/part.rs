@@ -43,7 +43,7 @@ impl PartName {
     /// Weights of the display filter.
     pub const FILTER: PartName = PartName::besides("filter");
     pub const DOUBT: PartName = PartName::besides("doubt");
-    /// What the prior learnt since it was mapped.
+    /// The dives that the prior was trained on since it was mapped.
     pub const RECORD: PartName = PartName::besides("record");
 
     #[rustfmt::skip]

@@ -322,7 +322,7 @@ fn both_ends_may_begin_anew() {
     let console = Console::start(&dive, "--udp 127.0.0.1:0");
     let udp = console.udp.clone();
     let vehicle_before = vehicle(&dive, &udp, "--forth-and-back");
-    // From the second packet on they have the short form, which does not tell the camera.
+    // From the second packet on they do not state the session.
     console.until_picture(6);
     drop(console);
     let console = Console::start(&dive, &format!("--udp {udp}"));

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::dive::{Dive, FRAMES, INPUT, name, pictures, save};
 use crate::scene::{CAMERA, pose};
 
-/// Bytes of the first packet's latent part, of the other packets' latent part, and of the camera part that the first
+/// Bytes of the first packet's latent part, of the other packets' latent part, and of the session part that the first
 /// packet carries too.
 const LATENT: u64 = 24;
 const SHORT_LATENT: u64 = 20;

@@ -21,8 +21,7 @@ pub struct Region {
 pub type RegionPsnr = [Option<f64>; 2];
 
 impl Region {
-    /// Of frames with the poses of the camera file: where they differ from the render of the prior alone. `scene` must
-    /// show no update.
+    /// Of frames with the poses of the camera file: where they differ from the render of the prior alone.
     pub fn of_all<'a>(
         engine: &Engine,
         scene: &Arc<Scene>,

@@ -116,7 +116,7 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
          starts \
          at given poses, and searches nowhere else. Its time and that of `affine-cnn` are without the regressor's. \
          Packets \
-         of both estimators are of the full form, 12 bytes longer. A frame is found \
+         of both estimators state their session, 29 bytes more. A frame is found \
          if its render is at most {SHORT} dB below the best that any row has.\n",
         set.name,
         frames.frames.len(),
