@@ -7,8 +7,6 @@ use super::pose::{PoseProfile, QuantisedPose};
 use super::predicted::{Prediction, Stated};
 use super::session::Session;
 
-/// Frame numbers travel modulo this.
-const FRAMES: u32 = 1 << 16;
 /// Bytes of the frame number, of the tag and of the check.
 pub(super) const NUMBER: usize = 2;
 const TAG: usize = 2;
@@ -46,7 +44,7 @@ pub(super) struct Read {
 
 impl Latent {
     /// Frame numbers are sent modulo this.
-    pub const FRAMES: u32 = FRAMES;
+    pub const FRAMES: u32 = 1 << 16;
 
     /// The latent part of a frame of a session, on a portable device, with its pose stated by itself.
     ///
@@ -66,7 +64,7 @@ impl Latent {
     /// a packet read before. If `last` is `None`, it is the 16 bits. It is right unless 32,768 frames in a row are
     /// missing.
     pub fn frame_near(&self, last: Option<u32>) -> u32 {
-        nearest_frame(self.frame % FRAMES, FRAMES, last)
+        nearest_frame(self.frame % Latent::FRAMES, Latent::FRAMES, last)
     }
 
     pub(super) fn pose_kind(&self) -> PoseKind {

@@ -45,12 +45,9 @@ impl Kept {
     }
 }
 
-/// Frame numbers are told apart modulo this: the short form of a packet holds no more.
-pub const NUMBERS: u32 = 1 << 16;
-
-/// How many frames one frame lies behind another, modulo the numbers that are told apart.
+/// How many frames one frame lies behind another, modulo the numbers that packets state.
 pub fn frames_behind(behind: u32, frame: u32) -> u32 {
-    frame.wrapping_sub(behind) % NUMBERS
+    frame.wrapping_sub(behind) % Latent::FRAMES
 }
 
 impl References {
@@ -199,7 +196,7 @@ mod tests {
         keep(&mut references, last, 1, 0);
         let (reference, _) = references.newest(2, |_| true).expect("three behind");
         assert_eq!(reference.distance, 3);
-        // In the short form, a decoder that joined late knows the low 16 bits alone.
+        // A decoder that joined late knows the low 16 bits alone.
         assert!(references.find(reference, 0x0001_0002, &viewpoint(0.0)).is_some());
         for frame in 0..REFERENCES as u32 {
             keep(&mut references, frame, 1, 0);

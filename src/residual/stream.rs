@@ -1,10 +1,10 @@
 //! Streams: frames whose difference pictures are predicted from those of earlier frames.
 
 use crate::Picture;
-use crate::packet::{Reference, Residual};
+use crate::packet::{Latent, Reference, Residual};
 
 use super::ResidualError;
-use super::references::{Kept, NUMBERS, REFERENCES, References, frames_behind};
+use super::references::{Kept, REFERENCES, References, frames_behind};
 use super::warp::{Viewpoint, warp};
 use super::wavelet::{Earlier, Planes};
 
@@ -81,7 +81,7 @@ pub struct Acknowledged {
 impl Acknowledged {
     /// Adds a frame, modulo 2¹⁶, in place of the one added longest ago.
     pub fn add(&mut self, frame: u32) {
-        let frame = frame % NUMBERS;
+        let frame = frame % Latent::FRAMES;
         if !self.contains(frame) {
             self.frames[self.next] = Some(frame);
             self.next = (self.next + 1) % REFERENCES;
@@ -89,7 +89,7 @@ impl Acknowledged {
     }
 
     fn contains(&self, frame: u32) -> bool {
-        self.frames.contains(&Some(frame % NUMBERS))
+        self.frames.contains(&Some(frame % Latent::FRAMES))
     }
 }
 

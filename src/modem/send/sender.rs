@@ -351,14 +351,13 @@ impl Sender {
         if user_len != self.options.control.user {
             return Err(ModemError::UserBytes(user_len.unwrap_or(0)));
         }
-        let (division, exposed) = self.make_shares(packet, user)?;
+        let (division, exposed, number) = self.make_shares(packet, user)?;
         self.planned = None;
         if let Some(control) = self.way.control_mut() {
             control.sent(now, division.link_bytes);
         }
         self.interleaver.push(now, &self.sharer);
-        let extent = Extent::read(packet)?;
-        let frame = nearest_frame(extent.frame, Latent::FRAMES, self.last);
+        let frame = nearest_frame(number, Latent::FRAMES, self.last);
         self.last = Some(frame);
         if let Some(history) = &mut self.history {
             let spread = self.options.control.spread;
@@ -383,16 +382,17 @@ impl Sender {
         }
     }
 
-    /// Divides a packet, and makes its shares if there is room for them. Tells when its frame was exposed, too.
+    /// Divides a packet, and makes its shares if there is room for them. Tells when its frame was exposed, and the
+    /// number that it states.
     fn make_shares(
         &mut self,
         packet: &[u8],
         user: Option<&[u8]>,
-    ) -> Result<(Division, f64), ModemError> {
+    ) -> Result<(Division, f64, u32), ModemError> {
         let unpaced = self.way.control().is_none();
         let plan = self.planned.or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
         let PlannedFrame { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
-        let Extent { head, told, .. } = Extent::read(packet)?;
+        let Extent { frame, head, told, .. } = Extent::read(packet)?;
         let left_out = self.travelling().left_out(packet[0]).len();
         let (picture, len) = (head - left_out, packet.len() - left_out);
         let waiting = self.interleaver.len();
@@ -422,7 +422,7 @@ impl Sender {
         };
         self.told = told;
         let packet_bytes = division.packet_bytes + left_out;
-        Ok((Division { packet_bytes, left_out, ..division }, exposed))
+        Ok((Division { packet_bytes, left_out, ..division }, exposed, frame))
     }
 
     /// Reads a report for [`Sender::process_report`], and the user bytes that came with it. With keys only one that the
