@@ -9,7 +9,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 # What every command that builds the tests' profile names: cargo builds crates anew for another choice of packages.
 ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
-.PHONY: help demo console console-test console-soak demo-prior ageing quick test long-test \
+.PHONY: help demo console console-test console-soak demo-prior ageing calibration quick test long-test \
 	other-devices gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
@@ -24,6 +24,7 @@ help:
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md"
 	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
+	@echo "make calibration    how far poses are off, beside what the program says of them: an hour"
 	@echo "make ageing         bytes of a frame as the demo's site ages, by streams and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           the tests: a quarter of an hour, compiling counted"
@@ -107,6 +108,12 @@ ageing:
 	@scripts/setup.sh run
 	cargo build --release -p nvsprior-cli --bin nvsprior --example ageing
 	target/release/examples/ageing target/release/nvsprior tools/basin/prior.nvsg target/ageing
+
+# What poses are worth: docs/poses.md. An hour.
+calibration:
+	@scripts/setup.sh run
+	cargo build --release -p nvsprior-cli --bin nvsprior
+	python3 scripts/calibration.py target/calibration
 
 # The unit tests, and the integration tests that need no device or few frames.
 quick:

@@ -522,8 +522,8 @@ typedef struct nvsp_frame_info {
   // is farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
   const struct nvsp_pose *hint;
   // How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
-  // translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
-  // positive semidefinite. NULL: not stated.
+  // translation along the camera's axes (the prior's unit), then turns about them (radians). Symmetric and positive
+  // semidefinite. An axis of which nothing is known has an infinite variance, and 0 beside it. NULL: not stated.
   const double *hint_covariance;
   // Seconds from the time of the hint to the time of the frame; 0 or more.
   double hint_age;
@@ -541,8 +541,11 @@ typedef struct nvsp_frame_info {
 // The rate was not kept: the budget holds no difference picture, or the best one does not reach
 // the PSNR.
 #define NVSP_FRAME_RATE_MISSED 4
-// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
+// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_covariance.
 #define NVSP_FRAME_UNDETERMINED 8
+// The position is known within position_deviation and rotation_deviation. Navigate by no other: that the picture is
+// confirmed (NVSP_FRAME_UNCERTAIN is not set) does not say where the camera is.
+#define NVSP_FRAME_POSITION_KNOWN 16
 // A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 // colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
 // it is one of the two.
@@ -589,7 +592,8 @@ typedef struct nvsp_frame_stats {
   uint32_t start;
   // NVSP_STOP_*: why the refinement ended.
   uint32_t stop;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED and NVSP_FRAME_NOT_PORTABLE bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE and
+  // NVSP_FRAME_POSITION_KNOWN bits.
   uint32_t flags;
   // NVSP_STATE_*.
   uint32_t state;
@@ -602,10 +606,17 @@ typedef struct nvsp_frame_stats {
   double milliseconds;
   // The pose as the packet holds it.
   struct nvsp_pose pose;
-  // How far the pose may be off because of the picture's noise, as standard deviations; the true error may be
-  // larger. Translation along the camera's axes (the prior's unit), then turns about them (radians). Infinite in a
-  // direction that the picture does not determine at all.
-  double pose_deviation[6];
+  // How far the pose may be off: its covariance, as nvsp_frame_info.hint_covariance states one (6 × 6, row by row:
+  // translation along the camera's axes in the prior's unit, then turns about them in radians). The root of a value
+  // on the diagonal is the standard deviation along an axis. An axis that is open has an infinite variance, and 0
+  // beside it; so have all with NVSP_FRAME_UNCERTAIN.
+  double pose_covariance[36];
+  // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis (the prior's
+  // unit), as the packet states it; else infinite.
+  double position_deviation;
+  // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis (radians); else
+  // infinite.
+  double rotation_deviation;
   // The largest eigenvalue of the normal equations divided by the smallest: the best determined
   // direction of the pose against the least determined. Infinite if the picture does not
   // determine one direction at all.
@@ -729,7 +740,7 @@ typedef struct nvsp_decoded {
   uint32_t width;
   // Pixels.
   uint32_t height;
-  // Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_*.
+  // Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_DECODED_*.
   uint32_t flags;
   // Rows that the difference picture reached: all, or 0 if the picture is the prior's render alone.
   uint32_t rows;
@@ -741,6 +752,14 @@ typedef struct nvsp_decoded {
   struct nvsp_pose pose;
   // With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
   uint32_t reference;
+  // Zero.
+  uint32_t reserved;
+  // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis of the camera (the
+  // prior's unit); else infinite.
+  double position_deviation;
+  // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of the camera (radians);
+  // else infinite.
+  double rotation_deviation;
 } nvsp_decoded;
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
@@ -1501,7 +1520,8 @@ typedef struct nvsp_header {
   uint32_t width;
   // As the width.
   uint32_t height;
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SESSION bits.
+  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_HEADER_POSE and
+  // NVSP_HEADER_SESSION bits.
   uint32_t flags;
   // Bytes of the latent part, which makes a picture by itself.
   uint32_t latent_bytes;
@@ -1511,6 +1531,12 @@ typedef struct nvsp_header {
   uint32_t reserved;
   // The pose, if NVSP_HEADER_POSE is set.
   struct nvsp_pose pose;
+  // With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an
+  // axis of the camera (the prior's unit); else infinite.
+  double position_deviation;
+  // With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of
+  // the camera (radians); else infinite.
+  double rotation_deviation;
 } nvsp_header;
 
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not

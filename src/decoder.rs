@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::packet::{
-    HeldPoses, Latent, PacketError, Parsed, Reference, RenderCheck, Residual, Session,
+    HeldPoses, KnownPose, Latent, PacketError, Parsed, Reference, RenderCheck, Residual, Session,
 };
 use crate::render::filter::{DisplayFilter, FilterPlan};
 use crate::render::{Plan, Renderer, Scene};
@@ -22,6 +22,9 @@ pub struct Decoded {
     pub pose: Pose,
     /// The vehicle's picture does not confirm the pose.
     pub uncertain: bool,
+    /// Within how much the vehicle knows its position; `None`: it does not, so do not navigate by the pose. That the
+    /// picture is confirmed (not [`uncertain`](Self::uncertain)) says nothing of it.
+    pub known: Option<KnownPose>,
     /// Whether the render is the vehicle's, byte for byte; `None` if the packet does not tell. If it is not, the
     /// picture may be off, since the two devices round differently.
     pub same_render: Option<bool>,
@@ -329,6 +332,7 @@ impl Decoder {
         let frame = latent.frame_near(self.last_frame);
         let session_damage = self.learn_session(packet, frame)?;
         let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
+        let known = self.known_pose(&latent);
         let here = self.engine.device().portable;
         let camera = self.named_camera(&latent, frame)?;
         let view = self.camera_decoder(&camera)?;
@@ -342,6 +346,7 @@ impl Decoder {
         decoded.reference = behind.map(|by| frame.wrapping_sub(by));
         (decoded.frame, decoded.pose) = (frame, pose);
         decoded.uncertain = latent.uncertain;
+        decoded.known = known;
         decoded.portable = portable;
         let told = packet.render().as_ref().ok().copied().flatten();
         decoded.same_render = told.map(|check| check == RenderCheck::of(&decoded.picture));
@@ -388,6 +393,11 @@ impl Decoder {
     pub fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
         let latent = self.poses.latent(packet)?;
         Ok((latent.pose.dequantise(&self.scene.coordinate_frame()), !latent.uncertain))
+    }
+
+    /// Within how much the vehicle knows the pose that a packet states.
+    pub fn known_pose(&self, latent: &Latent) -> Option<KnownPose> {
+        latent.known.map(|bound| bound.of_unit(self.scene.coordinate_frame().unit()))
     }
 
     /// The newest known camera that a packet may be about.

@@ -1,8 +1,8 @@
 //! An encoded frame, and what it took.
 
-use crate::packet::{LONGEST_HEAD, Reference, residual_part_len};
+use crate::packet::{KnownPose, LONGEST_HEAD, Reference, residual_part_len};
 use crate::residual::max_payload_len;
-use crate::tracking::{Observability, StartKind, Stop};
+use crate::tracking::{Covariance, Observability, StartKind, Stop, deviations};
 use crate::{Picture, Pose};
 
 /// What encoding a frame took and gave.
@@ -43,8 +43,15 @@ pub struct FrameStats {
     pub start: StartKind,
     /// Why it stopped.
     pub stop: Stop,
-    /// Which directions of the pose the picture determines, and how well.
+    /// Which directions of the pose the picture determines.
     pub observability: Observability,
+    /// How far the pose may be off: the camera stands at `Exp(τ) ∘ pose`, `τ = (ρ, θ)` along and about the camera's
+    /// axes, and `τ` has this covariance, in the prior's unit and radians. An axis that is open has an infinite
+    /// variance; so have all while the frame is not certain. [`Hint::with_covariance`](crate::Hint::with_covariance)
+    /// takes it.
+    pub covariance: Covariance,
+    /// Within how much the position is known; `None`: nothing should navigate by it.
+    pub known: Option<KnownPose>,
     /// Number of the frame whose residual this one's is predicted from; `None`: it is intra.
     pub reference: Option<u32>,
     /// Whether the residual's rate was kept; true if no residual was asked for.
@@ -57,6 +64,13 @@ pub struct FrameStats {
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is
     /// certain.
     pub frames_since_certain: u32,
+}
+
+impl FrameStats {
+    /// Standard deviations of the pose: the root of the covariance's diagonal.
+    pub fn pose_deviation(&self) -> [f64; 6] {
+        deviations(&self.covariance)
+    }
 }
 
 /// An encoded frame.

@@ -6,15 +6,15 @@ use std::time::Instant;
 use crate::frame_work::{Coders, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{
-    Latent, PacketError, PoseProfile, QuantisedPose, RENDER_PART_LEN, SESSION_PART_LEN, SentPoses,
-    Session,
+    Latent, PacketError, PoseBound, PoseProfile, QuantisedPose, RENDER_PART_LEN, SESSION_PART_LEN,
+    SentPoses, Session,
 };
 use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
 };
 use crate::tracking::{
-    Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
+    Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker, deviations,
 };
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
 
@@ -370,8 +370,15 @@ impl Encoder {
         }
         work.pose = pose.dequantise(&self.scene.coordinate_frame());
         let session = Session { prior: self.scene.id(), camera: self.camera };
+        let frame = self.scene.coordinate_frame();
+        let (unit, rounding) = (frame.unit(), pose.rounding(&frame));
+        let mut covariance = found.stated_covariance();
+        (0..6).for_each(|i| covariance[i][i] += rounding[i / 3]);
+        let bound = PoseBound::of(&deviations(&covariance), unit);
+        let known = bound.map(|bound| bound.of_unit(unit));
         let latent = Latent {
             portable: self.engine.device().portable,
+            known: bound,
             ..Latent::new(self.frame, &session, pose, !found.certain)?
         };
         let latent = match self.poses.as_ref().filter(|_| found.certain && !states_session) {
@@ -393,6 +400,7 @@ impl Encoder {
         stats.stop = found.outcome.stop;
         stats.submissions = found.submissions;
         stats.observability = found.observability;
+        (stats.covariance, stats.known) = (covariance, known);
         stats.certain = found.certain;
         stats.portable = latent.portable;
         stats.frames_since_certain = frames_since_certain;

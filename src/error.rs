@@ -49,8 +49,8 @@ pub enum Error {
     )]
     HintFar { frame: u32, distance: f64 },
     #[error(
-        "frame {frame}: the covariance of the pose from outside is not finite, symmetric and \
-         positive semidefinite"
+        "frame {frame}: the covariance of the pose from outside is not symmetric, positive semidefinite, and finite but \
+         for open axes"
     )]
     HintCovariance { frame: u32 },
     #[error("frame {frame}: the pose from outside is {age} s old: must be finite and not negative")]

@@ -297,6 +297,32 @@ fn frames_that_are_not_certain_are_counted() {
     }
 }
 
+/// Within how much a position is known comes with each packet, and is never finer than what the vehicle states. A frame
+/// that shows nothing has no position, whatever was known before.
+#[test]
+fn each_packet_says_within_how_much_its_position_is_known() {
+    let (engine, scene) = on_device(&wall(3));
+    let options = EncoderOptions { rate: None, ..EncoderOptions::default() };
+    let mut encoder = Encoder::new(&engine, &scene, &CAMERA, options).unwrap();
+    let mut decoder = Decoder::new(&engine, &scene);
+    let (clear, grey) = (frame(&engine, &scene, &pose(0.0)), silt(110.0, 1));
+    for (picture, is_known) in [(&clear, true), (&grey, false), (&clear, true)] {
+        let Encoded { stats, packet, .. } = encoder.encode(picture, Some(pose(0.0))).unwrap();
+        let decoded = decoder.decode(&packet).unwrap();
+        assert_eq!((stats.known.is_some(), decoded.known), (is_known, stats.known));
+        assert_eq!((stats.certain, decoded.uncertain), (is_known, !is_known));
+        let deviation = stats.pose_deviation();
+        let Some(known) = decoded.known else {
+            assert_eq!(deviation, [f64::INFINITY; 6]);
+            continue;
+        };
+        assert!(deviation.iter().take(3).all(|d| *d > 0.0 && *d <= known.position));
+        assert!(deviation.iter().skip(3).all(|d| *d > 0.0 && *d <= known.rotation));
+        // It is a covariance, as hints state one.
+        assert!(Hint::with_covariance(pose(0.0), &stats.covariance).is_some());
+    }
+}
+
 /// After silt or darkness, however long, the first clear frame is found again from the place at which the track was
 /// lost.
 #[test]

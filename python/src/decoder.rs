@@ -20,8 +20,11 @@ pub struct PyDecoded {
     frame: u32,
     /// The pose that it was rendered at.
     pose: PyPose,
-    /// Whether the vehicle's picture confirms the pose.
+    /// Whether the vehicle's picture confirms the pose. That does not say where the vehicle is: see `known`.
     certain: bool,
+    /// Within how much the vehicle knows its position: standard deviations of position (the prior's unit) and rotation
+    /// (radians) along and about any axis of the camera; None: it does not.
+    known: Option<(f64, f64)>,
     /// Whether the render is the vehicle's, byte for byte; None: the packet does not tell.
     same_render: Option<bool>,
     /// Whether both devices are portable.
@@ -53,6 +56,7 @@ impl PyDecoded {
             frame: decoded.frame,
             pose: PyPose(decoded.pose),
             certain: !decoded.uncertain,
+            known: decoded.known.map(|known| (known.position, known.rotation)),
             same_render: decoded.same_render,
             portable: decoded.portable,
             rows: decoded.rows,

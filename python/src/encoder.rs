@@ -1,5 +1,6 @@
 //! The vehicle's side: frames in, packets out.
 
+use numpy::PyArray2;
 use nvsprior::image::Mask;
 use nvsprior::residual::Interest;
 use nvsprior::tracking::FrameInfo;
@@ -37,8 +38,13 @@ pub struct PyEncoded {
     render_psnr: f64,
     /// PSNR of `picture` against the treated frame, dB.
     psnr: f64,
-    /// Whether the picture confirms the pose.
+    /// Whether the picture confirms the pose. That does not say where the camera is: see `known`.
     certain: bool,
+    /// How far the pose may be off: float64, shape (6, 6), as `Hint` takes one; infinite along open axes.
+    covariance: Py<PyArray2<f64>>,
+    /// Within how much the position is known: standard deviations of position (the prior's unit) and rotation (radians)
+    /// along and about any axis of the camera; None: it is not known.
+    known: Option<(f64, f64)>,
     /// Number of the frame that this one is predicted from; None: it is intra.
     reference: Option<u32>,
     /// Whether the rate was kept.
@@ -58,11 +64,12 @@ pub struct PyEncoded {
 }
 
 impl PyEncoded {
-    fn new(py: Python, encoded: &Encoded, picture: Py<PyAny>) -> PyEncoded {
+    fn new(py: Python, encoded: &Encoded, picture: Py<PyAny>) -> PyResult<PyEncoded> {
         let FrameStats { frame, render_psnr, psnr, certain, reference, .. } = encoded.stats;
         let FrameStats { rate_kept, latent_bytes, truth_bytes, start, .. } = encoded.stats;
         let FrameStats { full_renders, refine_milliseconds, code_milliseconds, .. } = encoded.stats;
-        PyEncoded {
+        let rows = encoded.stats.covariance.map(Vec::from);
+        Ok(PyEncoded {
             packet: PyBytes::new(py, &encoded.packet).unbind(),
             picture,
             pose: PyPose(encoded.pose),
@@ -70,6 +77,8 @@ impl PyEncoded {
             render_psnr,
             psnr,
             certain,
+            covariance: PyArray2::from_vec2(py, &rows)?.unbind(),
+            known: encoded.stats.known.map(|known| (known.position, known.rotation)),
             reference,
             rate_kept,
             latent_bytes,
@@ -78,7 +87,7 @@ impl PyEncoded {
             full_renders,
             refine_milliseconds,
             code_milliseconds,
-        }
+        })
     }
 }
 
@@ -212,7 +221,7 @@ impl PyEncoder {
             Ok(encoder.encode_into(frame, FrameInfo { hint, time }, encoded)?)
         })?;
         let picture = write_picture(py, &call.encoded.picture, out)?.unbind();
-        Ok(PyEncoded::new(py, &call.encoded, picture))
+        PyEncoded::new(py, &call.encoded, picture)
     }
 
     /// The prior's render at the pose of the last frame: uint8, shape (height, width, 3). `out`: as for `encode`.

@@ -133,7 +133,7 @@ pub struct nvsp_decoded {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_DECODED_*.
+    /// Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_DECODED_*.
     pub flags: u32,
     /// Rows that the difference picture reached: all, or 0 if the picture is the prior's render alone.
     pub rows: u32,
@@ -145,8 +145,16 @@ pub struct nvsp_decoded {
     pub pose: nvsp_pose,
     /// With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
     pub reference: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis of the camera (the
+    /// prior's unit); else infinite.
+    pub position_deviation: f64,
+    /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of the camera (radians);
+    /// else infinite.
+    pub rotation_deviation: f64,
 }
-versioned!(nvsp_decoded, 104);
+versioned!(nvsp_decoded, 120);
 
 /// `pose` is given.
 pub const NVSP_HEADER_POSE: u32 = 4;
@@ -167,7 +175,8 @@ pub struct nvsp_header {
     pub width: u32,
     /// As the width.
     pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_HEADER_POSE and NVSP_HEADER_SESSION bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_HEADER_POSE and
+    /// NVSP_HEADER_SESSION bits.
     pub flags: u32,
     /// Bytes of the latent part, which makes a picture by itself.
     pub latent_bytes: u32,
@@ -177,8 +186,14 @@ pub struct nvsp_header {
     pub reserved: u32,
     /// The pose, if NVSP_HEADER_POSE is set.
     pub pose: nvsp_pose,
+    /// With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an
+    /// axis of the camera (the prior's unit); else infinite.
+    pub position_deviation: f64,
+    /// With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of
+    /// the camera (radians); else infinite.
+    pub rotation_deviation: f64,
 }
-versioned!(nvsp_header, 104);
+versioned!(nvsp_header, 120);
 
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
@@ -458,11 +473,13 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
     let session = parsed.session().as_ref().ok().copied().flatten();
     let is_own = |id| session.is_none_or(|session| session.prior == id);
     let scene = prior.map(|prior| prior.scene).filter(|scene| is_own(scene.id()));
+    let unit = scene.as_ref().map(|scene| scene.coordinate_frame().unit());
     let pose = match (latent.pose.profile(), scene) {
         (_, Some(scene)) => Some(latent.pose.dequantise(&scene.coordinate_frame())),
         (PoseProfile::Paper, None) => Some(latent.pose.dequantise(&ANY_FRAME)),
         _ => None,
     };
+    let known = unit.and_then(|unit| latent.known.map(|bound| bound.of_unit(unit)));
     let size = session.map_or((0, 0), |session| (session.camera.width, session.camera.height));
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     nvsp_header {
@@ -472,11 +489,14 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
         height: size.1,
         flags: flag(latent.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
             | flag(!latent.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)
+            | flag(latent.known.is_some(), super::encoder::NVSP_FRAME_POSITION_KNOWN)
             | flag(pose.is_some(), NVSP_HEADER_POSE)
             | flag(session.is_some(), NVSP_HEADER_SESSION),
         latent_bytes: parsed.latent_len() as u32,
         tag: latent.tag.into(),
         pose: pose.map_or(image::NO_POSE, |pose| image::pose_out(&pose)),
+        position_deviation: known.map_or(f64::INFINITY, |known| known.position),
+        rotation_deviation: known.map_or(f64::INFINITY, |known| known.rotation),
         ..zeroed()
     }
 }
@@ -536,12 +556,15 @@ fn fetch(
         width: decoded.picture.width,
         height: decoded.picture.height,
         flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 }
+            | if decoded.known.is_some() { super::encoder::NVSP_FRAME_POSITION_KNOWN } else { 0 }
             | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
             | if decoded.reference.is_some() { NVSP_DECODED_INTER } else { 0 }
             | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
             | if decoded.filtered { NVSP_DECODED_FILTERED } else { 0 }
             | render,
         rows: decoded.rows,
+        position_deviation: decoded.known.map_or(f64::INFINITY, |known| known.position),
+        rotation_deviation: decoded.known.map_or(f64::INFINITY, |known| known.rotation),
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
         reference: decoded.reference.unwrap_or(0),

@@ -145,8 +145,12 @@ pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
 /// the PSNR.
 pub const NVSP_FRAME_RATE_MISSED: u32 = 4;
 
-/// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_deviation.
+/// The picture does not determine one direction of the pose: see nvsp_frame_stats.pose_covariance.
 pub const NVSP_FRAME_UNDETERMINED: u32 = 8;
+
+/// The position is known within position_deviation and rotation_deviation. Navigate by no other: that the picture is
+/// confirmed (NVSP_FRAME_UNCERTAIN is not set) does not say where the camera is.
+pub const NVSP_FRAME_POSITION_KNOWN: u32 = 16;
 
 /// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 /// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
@@ -196,7 +200,8 @@ pub struct nvsp_frame_stats {
     pub start: u32,
     /// NVSP_STOP_*: why the refinement ended.
     pub stop: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED and NVSP_FRAME_NOT_PORTABLE bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE and
+    /// NVSP_FRAME_POSITION_KNOWN bits.
     pub flags: u32,
     /// NVSP_STATE_*.
     pub state: u32,
@@ -209,10 +214,17 @@ pub struct nvsp_frame_stats {
     pub milliseconds: f64,
     /// The pose as the packet holds it.
     pub pose: nvsp_pose,
-    /// How far the pose may be off because of the picture's noise, as standard deviations; the true error may be
-    /// larger. Translation along the camera's axes (the prior's unit), then turns about them (radians). Infinite in a
-    /// direction that the picture does not determine at all.
-    pub pose_deviation: [f64; 6],
+    /// How far the pose may be off: its covariance, as nvsp_frame_info.hint_covariance states one (6 × 6, row by row:
+    /// translation along the camera's axes in the prior's unit, then turns about them in radians). The root of a value
+    /// on the diagonal is the standard deviation along an axis. An axis that is open has an infinite variance, and 0
+    /// beside it; so have all with NVSP_FRAME_UNCERTAIN.
+    pub pose_covariance: [f64; 36],
+    /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis (the prior's
+    /// unit), as the packet states it; else infinite.
+    pub position_deviation: f64,
+    /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis (radians); else
+    /// infinite.
+    pub rotation_deviation: f64,
     /// The largest eigenvalue of the normal equations divided by the smallest: the best determined
     /// direction of the pose against the least determined. Infinite if the picture does not
     /// determine one direction at all.
@@ -227,7 +239,7 @@ pub struct nvsp_frame_stats {
     /// Zero.
     pub reserved: u32,
 }
-versioned!(nvsp_frame_stats, 200);
+versioned!(nvsp_frame_stats, 456);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
@@ -764,6 +776,8 @@ fn write(
     room.write(packet)?;
     let loose = stats.observability.undetermined().next().is_some();
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+    let mut covariance = [0.0; 36];
+    covariance.copy_from_slice(stats.covariance.as_flattened());
     place.write(&nvsp_frame_stats {
         frame: stats.frame,
         bytes: stats.bytes as u32,
@@ -785,13 +799,16 @@ fn write(
         flags: flag(!stats.certain, NVSP_FRAME_UNCERTAIN)
             | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
             | flag(loose, NVSP_FRAME_UNDETERMINED)
+            | flag(stats.known.is_some(), NVSP_FRAME_POSITION_KNOWN)
             | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
         state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
         render_psnr: stats.render_psnr,
         psnr: stats.psnr,
         milliseconds: stats.milliseconds,
         pose: image::pose_out(pose),
-        pose_deviation: stats.observability.pose_deviation(),
+        pose_covariance: covariance,
+        position_deviation: stats.known.map_or(f64::INFINITY, |known| known.position),
+        rotation_deviation: stats.known.map_or(f64::INFINITY, |known| known.rotation),
         pose_condition: stats.observability.condition,
         frames_since_certain: stats.frames_since_certain,
         reference_distance: stats

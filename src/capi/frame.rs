@@ -21,8 +21,8 @@ pub struct nvsp_frame_info {
     /// is farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
     pub hint: In<nvsp_pose>,
     /// How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:
-    /// translation along the camera's axes (the prior's unit), then turns about them (radians). Finite, symmetric and
-    /// positive semidefinite. NULL: not stated.
+    /// translation along the camera's axes (the prior's unit), then turns about them (radians). Symmetric and positive
+    /// semidefinite. An axis of which nothing is known has an infinite variance, and 0 beside it. NULL: not stated.
     pub hint_covariance: *const f64,
     /// Seconds from the time of the hint to the time of the frame; 0 or more.
     pub hint_age: f64,
@@ -85,7 +85,7 @@ pub(super) fn refused(error: Error) -> Failure {
             "nvsp_frame_info.hint: farther from the prior than a million times its spread"
         }
         Error::HintCovariance { .. } => {
-            "nvsp_frame_info.hint_covariance: not finite, symmetric and positive semidefinite"
+            "nvsp_frame_info.hint_covariance: not symmetric, positive semidefinite, and finite but for open axes"
         }
         Error::HintAge { .. } => "nvsp_frame_info.hint_age: negative or not finite",
         Error::FrameTime { .. } => "nvsp_frame_info.time: not finite",

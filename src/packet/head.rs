@@ -1,6 +1,6 @@
 //! The first two bytes of a packet: which fields follow, and how they are stated.
 
-use super::error::PacketError;
+use super::known::Confidence;
 use super::pose::PoseProfile;
 
 /// Bytes of the head.
@@ -20,10 +20,9 @@ const SMALL_BLOCKS: u8 = 1;
 const TRUTH: u8 = 1 << 1;
 const SESSION: u8 = 1 << 2;
 const RENDER: u8 = 1 << 3;
-const UNCERTAIN: u8 = 1 << 4;
-const NOT_PORTABLE: u8 = 1 << 5;
-/// Bits of the second byte that this version does not use.
-const UNUSED: u8 = 0b1100_0000;
+const NOT_PORTABLE: u8 = 1 << 4;
+/// The upper three bits of the second byte.
+const CONFIDENCE_SHIFT: u8 = 5;
 
 /// How the pose is stated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,10 +114,8 @@ pub(super) struct Head {
     pub session: bool,
     /// The render part follows.
     pub render: bool,
-    pub uncertain: bool,
+    pub confidence: Confidence,
     pub portable: bool,
-    /// Bits are set that this version does not know.
-    pub later: bool,
 }
 
 impl Head {
@@ -130,9 +127,8 @@ impl Head {
             truth: false,
             session: false,
             render: false,
-            uncertain: false,
+            confidence: Confidence::of(false, None),
             portable: true,
-            later: false,
         }
     }
 
@@ -142,8 +138,8 @@ impl Head {
             | bit(self.truth, TRUTH)
             | bit(self.session, SESSION)
             | bit(self.render, RENDER)
-            | bit(self.uncertain, UNCERTAIN)
-            | bit(!self.portable, NOT_PORTABLE);
+            | bit(!self.portable, NOT_PORTABLE)
+            | self.confidence.code() << CONFIDENCE_SHIFT;
         [self.pose.word() | (self.kind as u8) << KIND_SHIFT, second]
     }
 
@@ -156,15 +152,9 @@ impl Head {
             truth: second & TRUTH != 0,
             session: second & SESSION != 0,
             render: second & RENDER != 0,
-            uncertain: second & UNCERTAIN != 0,
+            confidence: Confidence::of_code(second >> CONFIDENCE_SHIFT),
             portable: second & NOT_PORTABLE == 0,
-            later: second & UNUSED != 0,
         })
-    }
-
-    /// Refuses what this version does not know. Call it once the check has matched.
-    pub fn check(&self) -> Result<(), PacketError> {
-        if self.later { Err(PacketError::Version) } else { Ok(()) }
     }
 
     /// Whether a residual part follows.

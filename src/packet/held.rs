@@ -201,10 +201,8 @@ impl HeldPoses {
         if !layout.matches(bytes, Some(from.context)) {
             return Err(PacketError::Check(Part::Latent));
         }
-        layout.head.check()?;
         let (pose, tag) = (stated.pose(&from)?, held.session as u16);
-        let super::head::Head { uncertain, portable, .. } = layout.head;
-        let latent = Latent { frame, tag, pose, uncertain, portable, predicted: None };
+        let latent = layout.latent(frame, tag, pose);
         Ok(Read { latent, head: layout.head, len: layout.len })
     }
 }

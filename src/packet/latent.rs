@@ -3,6 +3,7 @@
 use super::bytes::{Reader, crc16};
 use super::error::{PacketError, Part};
 use super::head::{self, Head, PoseKind};
+use super::known::PoseBound;
 use super::pose::{PoseProfile, QuantisedPose};
 use super::predicted::{Prediction, Stated};
 use super::session::Session;
@@ -28,6 +29,8 @@ pub struct Latent {
     pub pose: QuantisedPose,
     /// The pose is not certain: the picture does not confirm it.
     pub uncertain: bool,
+    /// Within how much the position is known; `None`: it is not. It travels only if the pose is certain.
+    pub known: Option<PoseBound>,
     /// The encoder's device draws what every portable device draws.
     pub portable: bool,
     /// The pose is stated as what it differs by from others; `None`: by itself, or the part was read.
@@ -57,7 +60,7 @@ impl Latent {
         uncertain: bool,
     ) -> Result<Latent, PacketError> {
         let tag = session.tag()?;
-        Ok(Latent { frame, tag, pose, uncertain, portable: true, predicted: None })
+        Ok(Latent { frame, tag, pose, uncertain, known: None, portable: true, predicted: None })
     }
 
     /// The frame number that ends in the 16 bits that are stated: of all such, the one nearest to `last`, the number of
@@ -159,18 +162,22 @@ impl Layout {
         check_of(context, part).to_le_bytes() == *check
     }
 
+    /// What the part says, with the frame's whole number.
+    pub fn latent(&self, frame: u32, tag: u16, pose: QuantisedPose) -> Latent {
+        let Head { confidence, portable, .. } = self.head;
+        let (uncertain, known) = (confidence.is_uncertain(), confidence.known());
+        Latent { frame, tag, pose, uncertain, known, portable, predicted: None }
+    }
+
     /// Reads the part if its pose is stated by itself.
     pub fn absolute(&self, bytes: &[u8], profile: PoseProfile) -> Result<Read, PacketError> {
         if !self.matches(bytes, None) {
             return Err(refusal(bytes));
         }
-        self.head.check()?;
         let mut reader = Reader::new(&bytes[POSE_AT..], Part::Latent, self.len - POSE_AT)?;
         let tag = u16::from_le_bytes(reader.take());
         let pose = QuantisedPose::read(&mut reader, profile)?;
-        let Head { uncertain, portable, .. } = self.head;
-        let latent = Latent { frame: self.frame, tag, pose, uncertain, portable, predicted: None };
-        Ok(Read { latent, head: self.head, len: self.len })
+        Ok(Read { latent: self.latent(self.frame, tag, pose), head: self.head, len: self.len })
     }
 }
 

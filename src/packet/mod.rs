@@ -24,6 +24,7 @@ pub(crate) mod bytes;
 mod error;
 mod head;
 mod held;
+mod known;
 mod latent;
 mod parsed;
 pub mod pose;
@@ -35,11 +36,13 @@ mod session;
 pub(crate) mod truth;
 
 use head::Head;
+use known::Confidence;
 use residual::Content;
 
 pub use error::{PacketError, Part};
 pub(crate) use head::{LEN as HEAD_LEN, is_predicted};
 pub use held::HeldPoses;
+pub use known::{KnownPose, PoseBound};
 pub use latent::Latent;
 pub(crate) use latent::nearest_frame;
 pub use parsed::{Extent, Parsed};
@@ -117,7 +120,7 @@ impl<'a> Packet<'a> {
         let mut head = Head {
             session: self.session.is_some(),
             render: self.render.is_some(),
-            uncertain: self.latent.uncertain,
+            confidence: Confidence::of(self.latent.uncertain, self.latent.known),
             portable: self.latent.portable,
             ..Head::new(self.latent.pose_kind(), head::Kind::None)
         };

@@ -240,6 +240,18 @@ impl QuantisedPose {
         QuantisedPose::of_short(&ShortCode { centre, largest, small })
     }
 
+    /// Variances of what rounding to the code's steps brings, along an axis of the camera, in the prior's unit, and
+    /// about one, radians: those of an even distribution over a step.
+    pub(crate) fn rounding(&self, frame: &CoordinateFrame) -> [f64; 2] {
+        let [centre, small] = match self.written_as() {
+            PoseProfile::Short => [SHORT_CENTRE_STEPS, SHORT_SMALL_STEPS].map(f64::from),
+            PoseProfile::Compact => [1.0, 1.0],
+            PoseProfile::Paper => [0.0, 0.0],
+        };
+        // A turn is twice what its quaternion's component is.
+        [centre * frame.step(), 2.0 * small / SMALL_STEPS].map(|step| step * step / 12.0)
+    }
+
     /// From the short code's steps.
     ///
     /// # Errors

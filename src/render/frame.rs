@@ -5,6 +5,7 @@ use bytemuck::Zeroable;
 use crate::Picture;
 use crate::image::Mask;
 use crate::search::{self, Anchor, PoseCode, Program, Search};
+use crate::shared::SUMS;
 use crate::vulkan::{Buffer, Device, Error, Memory};
 
 use super::levels::{Level, LevelBuffers};
@@ -38,6 +39,8 @@ pub(crate) struct FrameBuffers {
     pub search: Buffer,
     pub search_read: Buffer,
     pub coded_read: Buffer,
+    /// Sums by tile of a search's last evaluation.
+    pub tile_sums_read: Buffer,
 }
 
 /// Words of a picture's bytes, up to whole groups of four pixels.
@@ -74,6 +77,12 @@ impl FrameBuffers {
             search: Buffer::new::<Search>(device, "search", 1, Memory::Device)?,
             search_read: Buffer::new::<Search>(device, "search read back", 1, Memory::Readback)?,
             coded_read: Buffer::new::<Coded>(device, "pose code read back", 1, Memory::Readback)?,
+            tile_sums_read: Buffer::new::<[f32; SUMS as usize]>(
+                device,
+                "sums by tile read back",
+                levels.most_tiles() as usize,
+                Memory::Readback,
+            )?,
         };
         frame.set_light(&Correction::NONE, &field);
         frame.set_mask(None);

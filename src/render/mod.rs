@@ -20,6 +20,7 @@ mod scene;
 mod sight;
 mod splat_buffers;
 mod stages;
+mod tile_sums;
 #[cfg(feature = "training")]
 pub mod training;
 mod window;
@@ -34,5 +35,6 @@ pub use light::{Cell, Correction, FlatField, counts};
 pub use radix::SortPrecision;
 pub use renderer::{Job, Plan, Renderer, SearchCommands, Searched};
 pub use scene::Scene;
+pub(crate) use tile_sums::TileSums;
 pub use window::Residency;
 pub(crate) use window::WindowRoom;

@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 use crate::image::Mask;
 use crate::prior::blocked::Block;
 use crate::search::{self, LEVELS, Placement, PoseCode, Program, STARTS, Search};
-use crate::shared::{self, CELL, Counters, PIXEL, TILE};
+use crate::shared::{self, CELL, Counters, PIXEL, SUMS, TILE};
 use crate::vulkan::{CommandCounts, Commands, Device, Error, Recorder, StageTime, Timing};
 use crate::{Camera, Picture, Pose};
 
@@ -20,6 +20,7 @@ use super::radix::SortPrecision;
 use super::sight::{Reach, Sight};
 use super::splat_buffers::Held;
 use super::stages::{CameraPose, Channels, PictureEnds, SearchStages, Stages, TIMED_EVALUATIONS};
+use super::tile_sums::TileSums;
 use super::window::{Content, Window};
 use super::workspace::Workspace;
 use super::{Kernels, Scene};
@@ -658,6 +659,15 @@ impl Renderer {
                 return Ok(submissions);
             }
         }
+    }
+
+    /// The sums of the tiles at the last evaluation of a search. `sparse`: see [`Program::sparse`].
+    pub(crate) fn tile_sums(&self, sparse: u32) -> TileSums<'_> {
+        let level = &self.levels.sizes[0];
+        let params = if sparse & 1 == 1 { &level.sparse } else { &level.params };
+        let tiles = (params.tiles_x * params.tiles_y) as usize;
+        let sums = self.framed().tile_sums_read.read::<f32>(tiles * SUMS as usize);
+        TileSums::new(sums, params)
     }
 
     fn searched(&self) -> Search {

@@ -98,6 +98,7 @@ impl SearchStages<'_> {
         self.record_pictures(r)?;
         let (stages, frame) = (&self.stages, self.frame);
         r.copy_beside(&frame.search, &frame.search_read);
+        r.copy_beside(&stages.levels.partials, &frame.tile_sums_read);
         r.copy_beside(&stages.bytes.coded, &frame.coded_read);
         r.copy(&stages.work.counters, &stages.work.counters_read);
         r.mark("pictures");

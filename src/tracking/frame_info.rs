@@ -16,8 +16,8 @@ const UNIT: f64 = 1e-4;
 pub struct Hint {
     /// The pose.
     pub pose: Pose,
-    /// How sure it is: the camera stands at `Exp(τ) ∘ pose`, and `τ` has mean 0 and this covariance. `None`: not
-    /// stated.
+    /// How sure it is: the camera stands at `Exp(τ) ∘ pose`, and `τ` has mean 0 and this covariance. An axis of which
+    /// nothing is known has an infinite variance, and 0 beside it. `None`: not stated.
     pub covariance: Option<Covariance>,
     /// Seconds from when the pose was taken to when the frame was.
     pub age: f64,
@@ -29,14 +29,14 @@ impl Hint {
         Hint { pose, covariance: None, age: 0.0 }
     }
 
-    /// A pose as old as the frame. `None` unless the covariance is finite, symmetric and positive
-    /// semidefinite.
+    /// A pose as old as the frame. `None` unless the covariance is symmetric and positive semidefinite, and finite
+    /// beside infinite variances.
     pub fn with_covariance(pose: Pose, covariance: &Covariance) -> Option<Hint> {
         is_covariance(covariance).then(|| Hint { covariance: Some(*covariance), ..Hint::of(pose) })
     }
 
     /// A pose as old as the frame. `deviation`: standard deviations of the components of `τ`, which are independent of
-    /// each other. `None` unless they are finite and not negative.
+    /// each other, and infinite if nothing is known. `None` if one is negative or no number.
     pub fn with_deviation(pose: Pose, deviation: &[f64; 6]) -> Option<Hint> {
         let square = |i: usize, j: usize| if i == j { deviation[i] * deviation[i] } else { 0.0 };
         let covariance = std::array::from_fn(|i| std::array::from_fn(|j| square(i, j)));
@@ -113,8 +113,20 @@ impl From<Option<Pose>> for FrameInfo {
     }
 }
 
-/// Whether a matrix is finite, symmetric and positive semidefinite, within rounding.
+/// Whether a matrix is symmetric and positive semidefinite, within rounding, and finite but for variances on the
+/// diagonal with 0 beside them.
 fn is_covariance(rows: &Covariance) -> bool {
+    let mut finite = *rows;
+    for i in (0..6).filter(|i| rows[*i][*i] == f64::INFINITY) {
+        if (0..6).any(|j| i != j && (rows[i][j] != 0.0 || rows[j][i] != 0.0)) {
+            return false;
+        }
+        finite[i][i] = 0.0;
+    }
+    is_finite_covariance(&finite)
+}
+
+fn is_finite_covariance(rows: &Covariance) -> bool {
     if !rows.as_flattened().iter().all(|v| v.is_finite()) || (0..6).any(|i| rows[i][i] < 0.0) {
         return false;
     }
@@ -179,9 +191,12 @@ mod tests {
         assert!(DEVIATION.iter().zip(found).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
         assert_eq!(Hint::of(Pose::IDENTITY).deviation(), None);
         assert!(is_sound(&[[0.0; 6]; 6]), "known exactly");
-        for wrong in [-0.1, f64::NAN, f64::INFINITY] {
+        for wrong in [-0.1, f64::NAN] {
             assert_eq!(Hint::with_deviation(Pose::IDENTITY, &[wrong; 6]), None);
         }
+        let open = [0.1, f64::INFINITY, 0.05, 0.01, f64::INFINITY, 0.0];
+        let found = Hint::with_deviation(Pose::IDENTITY, &open).unwrap().deviation().unwrap();
+        assert_eq!([found[1], found[4]], [f64::INFINITY; 2]);
     }
 
     #[test]
@@ -198,7 +213,10 @@ mod tests {
         assert!(!with(&[(3, 3, -1e-9)]));
         assert!(!with(&[(0, 5, 1e-9), (5, 0, 1e-9)]), "with what does not vary");
         assert!(!with(&[(2, 4, f64::NAN), (4, 2, f64::NAN)]));
-        assert!(!with(&[(1, 1, f64::INFINITY)]));
+        assert!(with(&[(1, 1, f64::INFINITY)]), "an axis of which nothing is known");
+        assert!(!with(&[(1, 1, f64::INFINITY), (0, 1, 0.01), (1, 0, 0.01)]), "with what is known");
+        assert!(!with(&[(1, 1, f64::NEG_INFINITY)]));
+        assert!(!with(&[(0, 1, f64::INFINITY), (1, 0, f64::INFINITY)]));
         // Each pair may be so; the three together may not.
         let apart = [(0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1)];
         let deviation = |i: usize| covariance()[i][i].sqrt();

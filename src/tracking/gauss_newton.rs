@@ -7,7 +7,10 @@ use crate::search::{LEVELS, Placement, Program, STARTS, STOP_NO_DESCENT, STOP_PR
 use crate::shared::SUMS;
 use crate::vulkan::Error;
 
-use super::{Evaluation, Objective, Observability, Outcome, PoseEstimate, Start, StartKind, Stop};
+use super::{
+    Evaluation, Objective, Observability, Outcome, PoseCovariance, PoseEstimate, Start, StartKind,
+    Stop,
+};
 
 /// How a search goes through the pyramid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -230,11 +233,13 @@ fn run(
     let sums = search.place_sums.map(f64::from);
     let observability = Observability::of(&NormalEquations::from_sums(&sums, levels[0] as usize));
     let pose = pose_of(&scene, &path.found);
+    let tiles = objective.renderer().tile_sums(program.sparse);
     let found = PoseEstimate {
         drawn: Some(code),
         submissions,
         first_mse,
         observability,
+        covariance: PoseCovariance::of(&tiles, observability.length, mse),
         ..PoseEstimate::from_start(start, Outcome { pose, mse, stop })
     };
     Ok((found, path))

@@ -5,7 +5,7 @@
 //! JᵀJ`. In `(ρ/L, θ)` nothing depends on the prior's unit. An eigenvector of `H` there is a
 //! direction of motion. `√(MSE / eigenvalue)` is how far the picture's noise lets the pose wander
 //! along it. This is the Cramér–Rao bound for independent residuals. Neighbouring residuals are not
-//! independent, so the true deviation is at least this.
+//! independent, so the true deviation is more: see [`PoseCovariance`](super::PoseCovariance).
 
 use crate::geometry::Step;
 use crate::render::NormalEquations;
@@ -15,7 +15,7 @@ use crate::render::NormalEquations;
 const LOOSE: f64 = 0.1;
 /// If a direction's eigenvalue is below this share of the largest, the picture does not determine it: sums in f32
 /// cannot tell it from 0.
-const NUMERICAL: f64 = 1e-6;
+pub(super) const NUMERICAL: f64 = 1e-6;
 
 /// Which directions of a pose the last picture determines, and how well.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,19 +66,6 @@ impl Observability {
         Observability { length, deviations, directions, condition, loose }
     }
 
-    /// Standard deviations of ρ, in the prior's unit, and θ, radians. A component is infinite if it has a part in a
-    /// direction along which the picture does not react.
-    pub fn pose_deviation(&self) -> Step {
-        let along = |i: usize| {
-            let parts = self.directions.iter().zip(self.deviations);
-            let part =
-                |(d, s): (&Step, f64)| if d[i].abs() > 1e-6 { (d[i] * s).powi(2) } else { 0.0 };
-            parts.map(part).sum::<f64>().sqrt()
-        };
-        let length = if self.length > 0.0 { self.length } else { 1.0 };
-        std::array::from_fn(|i| if i < 3 { along(i) * length } else { along(i) })
-    }
-
     /// Directions that the picture does not determine, `(ρ/L, θ)`.
     pub fn undetermined(&self) -> impl Iterator<Item = &Step> {
         self.directions.iter().zip(self.loose).filter(|(_, loose)| *loose).map(|(d, _)| d)
@@ -106,7 +93,7 @@ fn identity() -> [[f64; 6]; 6] {
 
 /// Eigenvalues of a symmetric matrix, ascending, and their eigenvectors, by Jacobi's rotations (Golub & Van Loan,
 /// Matrix Computations, §8.5). Exact to rounding even if the eigenvalues lie far apart.
-fn eigen(mut a: [[f64; 6]; 6]) -> ([f64; 6], [[f64; 6]; 6]) {
+pub(super) fn eigen(mut a: [[f64; 6]; 6]) -> ([f64; 6], [[f64; 6]; 6]) {
     // Rows are the vectors.
     let mut v = identity();
     for _ in 0..SWEEPS {

@@ -3,7 +3,14 @@
 use crate::Pose;
 use crate::search::PoseCode;
 
-use super::{Agreement, Observability, Outcome, Start, StartKind, Stop};
+use super::{
+    Agreement, Covariance, Observability, Outcome, PoseCovariance, Start, StartKind, Stop,
+};
+
+/// How many times further off a pose may be than the blocks of the picture tell, by the share of what the prior shows
+/// that agrees: for errors that all of the picture has in common. Straight lines lie between; beyond, it stays.
+/// Chosen on dives of the basin and the quay: see docs/poses.md.
+const DOUBT: [(f64, f64); 3] = [(0.75, 4.4), (0.90, 3.4), (0.95, 2.0)];
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +28,8 @@ pub struct PoseEstimate {
     pub first_mse: f64,
     /// What of the pose the picture determines.
     pub observability: Observability,
+    /// How far the pose may be off, as the picture alone tells it.
+    pub covariance: PoseCovariance,
     /// Where the search began.
     pub begun: Pose,
     /// Whether the picture confirms the pose.
@@ -43,6 +52,7 @@ impl PoseEstimate {
             submissions: 0,
             first_mse: f64::NAN,
             observability: Observability::default(),
+            covariance: PoseCovariance::default(),
             begun: start.pose,
             certain: false,
             agreement: Agreement::default(),
@@ -68,6 +78,13 @@ impl PoseEstimate {
             agreement,
             ..PoseEstimate::from_start(&start, outcome)
         }
+    }
+
+    /// How far the pose may be off, of ρ in the prior's unit and θ in radians: infinite along the axes of directions
+    /// that the picture leaves open, and along all axes if the picture does not confirm the pose.
+    pub fn stated_covariance(&self) -> Covariance {
+        let covariance = if self.certain { self.covariance } else { PoseCovariance::default() };
+        covariance.stated(doubt(self.agreement.share))
     }
 
     /// Returns the result with less error, this one or the last search's. If it is this one, the last search has drawn
@@ -102,5 +119,28 @@ impl PoseEstimate {
             PoseEstimate { drawn: None, ..before }
         };
         PoseEstimate { submissions: before.submissions + last.submissions, ..better }
+    }
+}
+
+/// See [`DOUBT`].
+fn doubt(share: f64) -> f64 {
+    let mut doubt = DOUBT[0].1;
+    for [(from, high), (to, low)] in [[DOUBT[0], DOUBT[1]], [DOUBT[1], DOUBT[2]]] {
+        let part = ((share - from) / (to - from)).clamp(0.0, 1.0);
+        doubt += part * (low - high);
+    }
+    doubt
+}
+
+#[cfg(test)]
+mod tests {
+    use super::doubt;
+
+    #[test]
+    fn the_less_agrees_the_greater_is_the_doubt() {
+        let doubts = [0.0, 0.75, 0.825, 0.90, 0.925, 0.95, 1.0].map(doubt);
+        let wanted = [4.4, 4.4, 3.9, 3.4, 2.7, 2.0, 2.0];
+        let same = |(a, b): (f64, f64)| (a - b).abs() < 1e-9;
+        assert!(std::iter::zip(doubts, wanted).all(same), "{doubts:?}");
     }
 }

@@ -127,7 +127,15 @@ impl Dive {
     pub fn latent(&self, camera: &Camera, t: u32, profile: PoseProfile) -> Latent {
         let tag = self.session(camera).tag().unwrap();
         let pose = self.quantised(&pose(t), profile);
-        Latent { frame: t, tag, pose, uncertain: false, portable: true, predicted: None }
+        Latent {
+            frame: t,
+            tag,
+            pose,
+            uncertain: false,
+            known: None,
+            portable: true,
+            predicted: None,
+        }
     }
 
     /// One with a short pose.

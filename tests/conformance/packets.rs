@@ -1,6 +1,6 @@
 //! Vectors of single frames: parts of packets, renders, and residuals.
 
-use nvsprior::packet::{Latent, PoseProfile, RenderCheck, Residual, SHORT_LATENT_LEN};
+use nvsprior::packet::{Latent, PoseBound, PoseProfile, RenderCheck, Residual, SHORT_LATENT_LEN};
 use nvsprior::{Camera, Picture, Prior, Rate, Trust};
 
 use crate::dive::{CAMERA, Dive, How, packet, pose};
@@ -32,6 +32,8 @@ fn poses(dive: &Dive) -> Vec<Vector> {
     let numbers = [65_520_u32, 65_530, 65_540, 200_000, 7, 32_775, 7, 32_774]
         .map(|frame| packet(Latent { frame, ..short(4) }, session, None, Residual::None));
     let unsure = Latent { uncertain: true, ..short(7) };
+    let bounds = [1e-4, 1e-3, 2e-3, 5e-3, 0.02, 0.1, 0.5].map(|d| PoseBound::of(&[d; 6], 1.0));
+    let known = (1..).zip(bounds).map(|(t, known)| none(Latent { known, ..short(t) }));
     let many = |packets: Vec<Vec<u8>>| [vec![key.clone()], packets].concat();
     vec![
         Vector::packets("session", "a packet with the session part", vec![key.clone()]),
@@ -45,6 +47,11 @@ fn poses(dive: &Dive) -> Vec<Vector> {
             "uncertain",
             "the pose is not certain; the budget held no residual",
             many(vec![packet(unsure, None, None, Residual::Omitted)]),
+        ),
+        Vector::packets(
+            "known",
+            "within how much the position is known: all classes, and not at all",
+            many(known.collect()),
         ),
         Vector::packets("numbers", "frame numbers of 16 bits are completed", numbers.into()),
         Vector {

@@ -121,6 +121,9 @@ fn told(decoded: &Decoded) -> Value {
     if decoded.uncertain {
         tell("uncertain", json!(true));
     }
+    if let Some(known) = decoded.known {
+        tell("known", json!([known.position, known.rotation]));
+    }
     if !decoded.portable {
         tell("portable", json!(false));
     }

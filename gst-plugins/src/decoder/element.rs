@@ -224,6 +224,10 @@ impl Decoder {
         if let Some(reference) = decoded.reference {
             figures.set("reference", reference);
         }
+        if let Some(known) = &decoded.known {
+            figures.set("position-deviation", known.position);
+            figures.set("rotation-deviation", known.rotation);
+        }
         if let Some(same) = decoded.same_render {
             figures.set("same-render", same);
         }

@@ -280,6 +280,10 @@ impl Encoder {
         if let Some(reference) = stats.reference {
             figures.set("reference", reference);
         }
+        if let Some(known) = &stats.known {
+            figures.set("position-deviation", known.position);
+            figures.set("rotation-deviation", known.rotation);
+        }
         if let Some(budget) = budget {
             figures.set("budget", budget.bytes);
         }

@@ -42,7 +42,7 @@ pub fn packet_of(recipe: Recipe) -> Vec<u8> {
 
 pub fn latent_of(frame: u32, pose: QuantisedPose) -> Latent {
     let tag = SESSION.tag().unwrap();
-    Latent { frame, tag, pose, uncertain: false, portable: true, predicted: None }
+    Latent { frame, tag, pose, uncertain: false, known: None, portable: true, predicted: None }
 }
 
 /// Bytes, of which the last one is not zero.

@@ -78,13 +78,15 @@ proptest! {
         lost in proptest::collection::vec(any::<bool>(), 40),
         shake in 0.0..200.0f64,
         ahead in 1u32..30,
-        (portable, uncertain) in any::<(bool, bool)>(),
+        (portable, code) in (any::<bool>(), 0u8..8),
         payload in proptest::collection::vec(any::<u8>(), 0..40),
     ) {
         let mut held = HeldPoses::default();
+        let confidence = Confidence::of_code(code);
+        let (uncertain, known) = (confidence.is_uncertain(), confidence.known());
         let latent_of = |k: u32| {
             let pose = moving(f64::from(k) - 30.0, shake);
-            Latent { portable, uncertain, ..stated(start.wrapping_add(k), pose) }
+            Latent { portable, uncertain, known, ..stated(start.wrapping_add(k), pose) }
         };
         for (k, lost) in (0..).zip(&lost) {
             let latent = latent_of(k);

@@ -3,9 +3,9 @@
 use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
-use super::super::PoseEstimate;
 use super::super::gauss_newton::Schedule;
 use super::super::{GaussNewtonOptions, Hint, StartKind};
+use super::super::{PoseEstimate, deviations};
 use super::judgement::PARTLY;
 use super::state::{SURE, Tracker};
 
@@ -203,7 +203,7 @@ pub(super) fn disagrees(hint: &Hint, found: &PoseEstimate) -> bool {
     let usual = std::array::from_fn(|i| if i < 3 { moved * depth } else { turned });
     let stated = hint.deviation().unwrap_or(usual);
     // The found pose is not exact either.
-    let own = found.observability.pose_deviation();
+    let own = deviations(&found.stated_covariance());
     let squares = (0..6).map(|i| {
         let own = if own[i].is_finite() { own[i] } else { return 0.0 };
         let spread = stated[i] * stated[i] + own * own + (1e-3 * usual[i]).powi(2);

@@ -16,6 +16,7 @@ use doubt::DoubtFolder;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::keys::KeyArgs;
+use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
 use nvsprior_inputs::values;
 use truth::TruthArgs;
 
@@ -40,6 +41,10 @@ pub struct Args {
     /// prior is sure of it; 1: it is doubtful; 2: it was never mapped. Read from the prior
     #[arg(long, value_name = "DIR")]
     doubt: Option<PathBuf>,
+    /// Track to write (CSV): the pose of each picture, with within how much the vehicle says that it is known: columns
+    /// `known` (the prior's unit) and `known_angle` (degrees), empty if it is not
+    #[arg(long, value_name = "FILE", value_parser = values::csv)]
+    track: Option<PathBuf>,
     /// Filter the pictures by a small network, with the prior's weights (`nvsprior filter`), or with the
     /// library's. They look more like what the camera saw, if the network knows the scene
     #[arg(long)]
@@ -64,6 +69,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = values::files(&args.packets, "nvsp", "packets")?;
     values::make_folder("--frames", &args.frames)?;
     args.truth.check()?;
+    if let Some(file) = &args.track {
+        values::check_file("--track", file)?;
+    }
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut reader = FileReader::new(keys.as_ref());
@@ -81,6 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let folder = args.doubt.as_deref();
     let folder = folder.map(|folder| DoubtFolder::new(folder, &engine, &args.prior));
     let mut doubt = folder.transpose()?;
+    let mut track = args.track.as_deref().map(TrackFile::of_packets).transpose()?;
     let bar = progress(packets.len(), "decoding");
     let (mut failed, mut foreign, mut other, mut filtered) = (0, 0, 0, 0);
     let mut strange = 0;
@@ -90,6 +99,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             read.and_then(|packet| decode(&mut decoder, doubt.as_mut(), (path, &packet), args));
         match decoded {
             Ok(decoded) => {
+                if let Some(track) = &mut track {
+                    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+                    track.write(&name, None, &decoded.pose, TrackPoint::Known(decoded.known))?;
+                }
                 other += usize::from(decoded.same_render == Some(false));
                 filtered += usize::from(decoded.filtered);
             }

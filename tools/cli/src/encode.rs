@@ -22,6 +22,7 @@ use nvsprior_inputs::video_input::VideoInputArgs;
 use crate::keyed_files::FileTags;
 use crate::summary::{self, Row};
 use frames::Frames;
+use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Encode the frames of a camera file, or of a video, to packets
@@ -59,6 +60,10 @@ pub struct Args {
     /// Summary to write (JSON)
     #[arg(long, value_name = "FILE", value_parser = values::json)]
     summary: Option<PathBuf>,
+    /// Track to write (CSV): the pose of each frame, in the columns that --starts reads, with the standard deviations
+    /// srx,sry,srz,sax,say,saz; `inf` along an axis that is open, and along all while a frame is not certain
+    #[arg(long, value_name = "FILE", value_parser = values::csv)]
+    track: Option<PathBuf>,
     /// Folder for the reconstructed pictures (PNG), as the topside will see them
     #[arg(long, value_name = "DIR")]
     frames_out: Option<PathBuf>,
@@ -212,6 +217,9 @@ fn check_outputs(args: &Args) -> Result<(), OutputError> {
     if let Some(file) = &args.sheet {
         values::check_file("--sheet", file)?;
     }
+    if let Some(file) = &args.track {
+        values::check_file("--track", file)?;
+    }
     Ok(())
 }
 
@@ -245,11 +253,16 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if frames.begin_lost(&args.input.starts) {
         render_key_frames(&mut encoder)?;
     }
+    let mut track = args.track.as_deref().map(TrackFile::of_vehicle).transpose()?;
     let bar = progress(frames.about(), "encoding");
     let (mut rows, mut pictures) = (Vec::new(), Vec::new());
     while let Some((input, frame)) = frames.next_frame()? {
         let (input, frame) = (&input, &frame);
         let (row, picture) = encode(args, &mut encoder, &mut tags, (input, frame))?;
+        if let Some(track) = &mut track {
+            let deviation = TrackPoint::Deviation(row.stats.pose_deviation());
+            track.write(&row.file, row.time, &row.pose, deviation)?;
+        }
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
@@ -295,7 +308,7 @@ fn encode(
         nvsprior_runs::write_png(&path, &encoded.picture)?;
     }
     let time = input.external.time;
-    let row = Row { file: input.file.clone(), time, stats: encoded.stats };
+    let row = Row { file: input.file.clone(), time, pose: encoded.pose, stats: encoded.stats };
     let (render, reconstruction) = (encoded.render, encoded.picture);
     let sheet = args.sheet.is_some().then_some(SheetRow {
         frame,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nvsprior::FrameStats;
+use nvsprior::{FrameStats, Pose};
 use nvsprior_lab::report::write_json;
 use serde_json::{Value, json};
 
@@ -11,6 +11,8 @@ pub struct Row {
     pub file: String,
     /// When it was taken, seconds, if that is known.
     pub time: Option<f64>,
+    /// As the packet holds it.
+    pub pose: Pose,
     pub stats: FrameStats,
 }
 
@@ -58,9 +60,11 @@ fn frame(row: &Row) -> Value {
         "rate_kept": s.rate_kept,
         // Its reference frame.
         "reference": s.reference,
-        // Infinite ones become null.
-        "pose_deviation": s.observability.pose_deviation(),
-        "open_directions": s.observability.undetermined().count(),
+        // Whether the packet says that the position is known, and within how much.
+        "position_known": s.known.is_some(),
+        "known_within": s.known.map(|known| [known.position, known.rotation]),
+        // Infinite ones, of open axes, become null.
+        "pose_deviation": s.pose_deviation(),
     })
 }
 

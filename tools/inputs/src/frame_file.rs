@@ -90,10 +90,10 @@ pub(crate) fn same_shape(a: (u32, u32), b: (u32, u32)) -> bool {
 }
 
 /// The column that names a frame: by its file.
-const FILE: &str = "file";
-const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
+pub(crate) const FILE: &str = "file";
+pub(crate) const POSE: [&str; 7] = ["qw", "qx", "qy", "qz", "tx", "ty", "tz"];
 /// Standard deviations of a pose, those of a left step: ρ in the prior's unit, θ in degrees.
-const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
+pub(crate) const DEVIATION: [&str; 6] = ["srx", "sry", "srz", "sax", "say", "saz"];
 
 /// The places of a CSV file's columns.
 struct Columns {
@@ -132,8 +132,9 @@ impl Columns {
     /// What a row states; what is wrong with it.
     fn known(&self, record: &csv::StringRecord) -> Result<FrameInfo, String> {
         let at = |i: usize| record.get(i).unwrap_or_default();
+        let any = |i: usize, name: &str| at(i).parse::<f64>().map_err(|e| format!("{name}: {e}"));
         let number = |i: usize, name: &str| {
-            let number = at(i).parse::<f64>().map_err(|e| format!("{name}: {e}"))?;
+            let number = any(i, name)?;
             let finite = number.is_finite();
             finite.then_some(number).ok_or_else(|| format!("{name}: {number} is not finite"))
         };
@@ -148,10 +149,10 @@ impl Columns {
             let mut deviation = [0.0; 6];
             for (i, value) in deviation.iter_mut().enumerate() {
                 let unit = if i < 3 { 1.0 } else { 1f64.to_radians() };
-                *value = number(columns[i], DEVIATION[i])? * unit;
+                *value = any(columns[i], DEVIATION[i])? * unit;
             }
             let hinted = Hint::with_deviation(pose, &deviation);
-            hint = hinted.ok_or("a standard deviation is negative, or too large")?;
+            hint = hinted.ok_or("a standard deviation is negative, too large, or no number")?;
         }
         hint.age = optional(self.age, "age")?.unwrap_or(0.0);
         if hint.age < 0.0 {

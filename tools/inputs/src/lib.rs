@@ -18,6 +18,7 @@ pub mod points;
 pub mod posed;
 pub mod progress;
 pub mod structure;
+pub mod track_file;
 pub mod tune;
 pub mod undistort;
 pub mod values;

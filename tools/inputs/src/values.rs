@@ -117,6 +117,11 @@ pub fn json(text: &str) -> Result<PathBuf, String> {
     ends_with(text, "json")
 }
 
+/// A CSV file to write.
+pub fn csv(text: &str) -> Result<PathBuf, String> {
+    ends_with(text, "csv")
+}
+
 fn ends_with(text: &str, ending: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     let fits = path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));

@@ -10,6 +10,7 @@ mod optimum;
 mod paper;
 pub(crate) mod perturbed;
 mod plot;
+mod poses;
 mod print;
 mod recovery;
 pub(crate) mod report;
@@ -83,6 +84,8 @@ pub struct Args {
     #[command(flatten)]
     paper: paper::PaperArgs,
     #[command(flatten)]
+    poses: poses::PosesArgs,
+    #[command(flatten)]
     site: site::SiteArgs,
     #[command(flatten)]
     sizes: sizes::SizesArgs,
@@ -129,6 +132,10 @@ pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyho
     }
     if args.paper.paper {
         paper::run(&args.paper, input, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
+    if args.poses.poses {
+        poses::run(&args.poses, &context, folder)?;
         return args.device.check(&context.engine);
     }
     let report = measure(args, &mut context)?;

@@ -36,7 +36,7 @@ def records_of(data):
 def told(decoded):
     """What the manifest says of a frame."""
     value = {"frame": decoded.frame, "md5": md5(decoded.picture.tobytes())}
-    for name in ("damage", "same_render", "reference"):
+    for name in ("damage", "same_render", "reference", "known"):
         if getattr(decoded, name) is not None:
             value[name] = getattr(decoded, name)
     for name in ("uncertain", "kept"):

@@ -33,6 +33,9 @@ fn pictures_come_and_change(page: &Page) {
     let seen = page.number("checksum(byId('picture'))");
     page.until("another picture", &format!("checksum(byId('picture')) !== {seen}"));
     assert_eq!(page.text("pose-name"), "certain");
+    assert_eq!(page.text("pose-label"), "the picture is confirmed");
+    assert!(page.text("position").starts_with("± 0."), "{}", page.text("position"));
+    assert_eq!(page.number("state.plan.known.length"), 32.0);
     let age = page.number("parseFloat(byId('age').textContent)");
     assert!((0.3..8.0).contains(&age), "{age} s");
     // Ages go on between two states.

@@ -211,6 +211,56 @@ fn times_come_from_the_csv_file_or_the_camera_file_and_do_not_go_back() {
 }
 
 #[test]
+fn tracks_are_written_and_read_again() {
+    let dive = Dive::new();
+    set_times(&dive, [1.0, 1.5, 2.0]);
+    let summary = dive.encode("--residual none --track vehicle.csv");
+    let rows = |name: &str| -> Vec<Vec<String>> {
+        let text = String::from_utf8(dive.bytes(name)).unwrap();
+        text.lines().map(|line| line.split(',').map(str::to_owned).collect()).collect()
+    };
+    let own = rows("vehicle.csv");
+    let header = "file,time,qw,qx,qy,qz,tx,ty,tz,srx,sry,srz,sax,say,saz";
+    assert_eq!(own[0].join(","), header);
+    assert_eq!(own.len(), 1 + FRAMES);
+    for (row, frame) in own[1..].iter().zip(frames(&summary)) {
+        assert_eq!(
+            (&row[0], row[1].parse().ok()),
+            (&frame["file"].as_str().unwrap().to_owned(), frame["time"].as_f64())
+        );
+        assert_eq!(frame["position_known"], json!(frame["certain"].as_bool().unwrap()));
+        for (axis, stated) in frame["pose_deviation"].as_array().unwrap().iter().enumerate() {
+            let unit = if axis < 3 { 1.0 } else { 1f64.to_radians() };
+            let read = row[9 + axis].parse::<f64>().unwrap() * unit;
+            assert!(
+                (read - stated.as_f64().unwrap_or(f64::INFINITY)).abs() < 1e-9
+                    || read.is_infinite()
+            );
+        }
+    }
+    // It says what `--starts` reads.
+    let again = dive.encode("--residual none --starts vehicle.csv");
+    assert!(frames(&again).iter().all(|frame| frame["certain"] == json!(true)));
+    let decode =
+        "decode --prior prior.ply --packets packets --frames topside --cameras cameras.json";
+    dive.run(&format!("{decode} --track topside.csv")).ends_with(0);
+    let told = rows("topside.csv");
+    assert_eq!(told[0].join(","), "file,time,qw,qx,qy,qz,tx,ty,tz,known,known_angle");
+    for (t, (row, frame)) in told[1..].iter().zip(frames(&again)).enumerate() {
+        let known = frame["known_within"].as_array();
+        let number = |of: Option<&Value>| of.and_then(Value::as_f64);
+        let (position, angle) = (known.map(|known| &known[0]), known.map(|known| &known[1]));
+        assert_eq!((row[0].clone(), row[1].as_str()), (t.to_string(), ""));
+        assert_eq!(row[9].parse().ok(), number(position));
+        let degrees = number(angle).map(|v| format!("{:.9}", v.to_degrees()));
+        assert_eq!(row[10].parse::<f64>().ok().map(|v| format!("{v:.9}")), degrees);
+    }
+    dive.run(&format!("{decode} --track topside.txt")).ends_with(2).says("must end in .csv");
+    let known = nvsprior_inputs::frame_file::read_known(&dive.path("topside.csv")).unwrap();
+    assert_eq!(known.len(), FRAMES);
+}
+
+#[test]
 fn frames_of_a_stream_are_predicted_from_frames_and_say_so() {
     let dive = Dive::new();
     // The camera stands still.

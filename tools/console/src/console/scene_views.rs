@@ -133,10 +133,25 @@ impl SceneViews {
         };
         PlanState {
             vehicle: shown.and_then(|shown| place(shown.decoded.pose.centre())),
+            known: shown
+                .map_or(Vec::new(), |shown| self.outline(shown).filter_map(place).collect()),
             cone: shown.map_or(Vec::new(), cone),
             track: self.track.places().filter_map(place).collect(),
             predicted: predicted.filter_map(place).collect(),
         }
+    }
+
+    /// A level circle around the vehicle: two of the position's stated deviations.
+    fn outline(&self, shown: &Shown) -> impl Iterator<Item = DVec3> {
+        const POINTS: usize = 32;
+        let (centre, up) = (shown.decoded.pose.centre(), self.up);
+        let (x, y) = up.any_orthonormal_pair();
+        shown.decoded.known.into_iter().flat_map(move |known| {
+            (0..POINTS).map(move |k| {
+                let (sine, cosine) = (std::f64::consts::TAU * k as f64 / POINTS as f64).sin_cos();
+                centre + (x * cosine + y * sine) * (2.0 * known.position)
+            })
+        })
     }
 
     /// The rails that the vehicle goes along, in the picture.

@@ -68,6 +68,8 @@ pub struct PictureState {
     pub has_residual: bool,
     /// It went through the display filter.
     pub filtered: bool,
+    /// Within how much the vehicle knows its position: the prior's unit, and degrees. `None`: it does not.
+    pub known: Option<[f64; 2]>,
 }
 
 /// The name of a clock.
@@ -105,6 +107,8 @@ pub struct LinkState {
 #[derive(Debug, Default, Serialize)]
 pub struct PlanState {
     pub vehicle: Option<Pixel>,
+    /// Within what the vehicle is known to be, as points of an outline; empty if that is not known.
+    pub known: Vec<Pixel>,
     /// What the camera sees, as a triangle's far corners.
     pub cone: Vec<Pixel>,
     pub track: Vec<Pixel>,

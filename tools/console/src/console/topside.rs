@@ -403,6 +403,7 @@ fn picture_state(shown: &Shown, now: f64) -> PictureState {
         complete: shown.complete,
         has_residual: shown.decoded.rows > 0,
         filtered: shown.decoded.filtered,
+        known: shown.decoded.known.map(|known| [known.position, known.rotation.to_degrees()]),
     }
 }
 

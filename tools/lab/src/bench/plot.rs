@@ -179,6 +179,23 @@ pub fn site(path: &Path, rows: &[serde_json::Value]) -> anyhow::Result<()> {
     draw(path, &words, true, &series, &[])
 }
 
+/// How errors of poses are distributed, as multiples of what is stated: a curve for each axis.
+pub fn pose_ratios(path: &Path, curves: &[(String, Vec<(f64, f64)>)]) -> anyhow::Result<()> {
+    let curve = |(name, points): &(String, Vec<(f64, f64)>)| Series {
+        name: name.clone(),
+        points: points.clone(),
+        line: true,
+        dots: false,
+    };
+    let words = Words {
+        caption: "Share of the certain frames whose error is at most so many stated deviations",
+        x: "stated standard deviations",
+        y: "share of the frames",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, false, &curves.iter().map(curve).collect::<Vec<_>>(), &[])
+}
+
 /// Something by the width of pictures, a curve for each name.
 pub fn sizes(
     path: &Path,

@@ -27,7 +27,7 @@ use nvsprior::Prior;
 use super::context::Context;
 use super::optimum;
 use super::perturbed::SHORT;
-use condition::Condition;
+pub(super) use condition::Condition;
 use nvsprior_inputs::values;
 use probe::Run;
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .bits import Refused, crc32
-from .packet import (CODED, INTER, SESSION, SMALL, STREAM, UNCERTAIN, Camera, Held, near, read_latent, read_render,
-                     read_residual, read_session)
+from .packet import (BOUNDS, CODED, INTER, SESSION, SMALL, STREAM, UNCERTAIN, Camera, Held, near, read_latent,
+                     read_render, read_residual, read_session)
 from .prior import TABLES, Tables
 from .render import Scene, render
 from .stream import References, warp
@@ -20,6 +20,7 @@ class Decoded:
     picture: np.ndarray
     damage: str = None
     uncertain: bool = False
+    known: list = None
     portable: bool = True
     same_render: bool = None
     kept: bool = False
@@ -95,7 +96,9 @@ class Decoder:
         if self.view is None or self.view.camera != camera:
             self.view = View(camera, truth=TruthDecoder(camera.width, camera.height))
         drawn, depths, placement = render(self.scene, camera.tuple(), packet.pose)
-        decoded = Decoded(frame, drawn, uncertain=bool(packet.flags & UNCERTAIN), portable=packet.portable)
+        decoded = Decoded(frame, drawn, uncertain=packet.confidence == UNCERTAIN, portable=packet.portable)
+        bound = BOUNDS[packet.confidence]
+        decoded.known = bound and [bound * self.prior.unit, bound]
         check = read_render(packet)
         decoded.same_render = None if check is None else check == crc32(drawn.tobytes())
         residual = read_residual(packet)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from .bits import Refused, crc16, crc32, fold, le, u32
 
 SHORT, COMPACT, PREDICTED, LATER = 0b00000, 0b00111, 0b11001, 0b11110
-SMALL, TRUTH, SESSION, RENDER, UNCERTAIN, NOT_PORTABLE = (1 << bit for bit in range(6))
+SMALL, TRUTH, SESSION, RENDER, NOT_PORTABLE = (1 << bit for bit in range(5))
+UNCERTAIN, BOUNDS = 1, (None, None, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1)
 NONE, OMITTED, ALL_SEEN, CODED, STREAM, INTER = range(6)
 SESSION_LEN, RENDER_LEN = 25, 6
 UNIT = math.isqrt(2 * 131071**2)
@@ -80,6 +81,10 @@ class Packet:
     def portable(self):
         return not self.flags & NOT_PORTABLE
 
+    @property
+    def confidence(self):
+        return self.flags >> 5
+
     def part(self, wanted):
         """The bytes of a part behind the latent part, as many as there are."""
         at = 0
@@ -117,8 +122,6 @@ def layout(data):
 def seal(packet, context=b""):
     if crc16(context, packet.bytes[:-2]) != le(packet.bytes[-2:]):
         raise Refused("check")
-    if packet.flags >> 6:
-        raise Refused("version")
 
 
 def read_latent(data, held):

@@ -73,7 +73,7 @@ class Prior:
     def _frame(self):
         if self.frame:
             self.centre, spread = self.frame
-            self.step = _step(spread, self.centre.astype(np.float64))
+            self.unit = _unit(spread, self.centre.astype(np.float64))
             return
         positions = self.positions.astype(np.float64)
         middle = (len(positions) - 1) // 2
@@ -83,15 +83,15 @@ class Prior:
         spreads = [F32(min(v, most)) for v in (np.sort(off, 0)[middle].max(), off.max(), 1.0)]
         spread = next(s for s in spreads if s > 0)
         self.centre = centre.astype(F32)
-        self.step = _step(spread, centre)
+        self.unit = _unit(spread, centre)
 
     @property
     def name(self):
         return f"{le(self.id):08x}"
 
 
-def _step(spread, centre):
-    return max(float(spread), float(np.abs(centre).max()) * 2.0**-23) / 131072
+def _unit(spread, centre):
+    return max(float(spread), float(np.abs(centre).max()) * 2.0**-23)
 
 
 def options_of(comments):

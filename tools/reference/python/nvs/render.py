@@ -95,7 +95,7 @@ def placed(pose, prior):
     rest = F32(1) - dot(small, small)
     small.insert(pose.largest, sqrt(rest))
     q = normalised(small)
-    centre = [F32(c) * F32(prior.step) for c in pose.centre]
+    centre = [F32(c) * F32(prior.unit / 131072) for c in pose.centre]
     return q, [-v for v in times(matrix(q), centre)]
 
 

@@ -165,6 +165,8 @@ function drawPlan(canvas, image, plan) {
     context.fill();
     line(place, box, [plan.cone[0], plan.vehicle, plan.cone[1]], TEXT, 1.5);
   }
+  // Within what the vehicle says that it is.
+  if (plan.known.length) line(place, box, [...plan.known, plan.known[0]], TEXT, 1.5, [2, 2]);
   context.beginPath();
   context.arc(...at(plan.vehicle), 6, 0, 7);
   context.fillStyle = GOOD;

@@ -7,7 +7,7 @@ const SIGNS = { waiting: "○", certain: "●", searching: "◐", lost: "✕" };
 const NAMES = { waiting: "no picture yet", certain: "certain", searching: "searching", lost: "LOST" };
 const LABELS = {
   waiting: "waiting for the vehicle",
-  certain: "the vehicle knows where it is",
+  certain: "the picture is confirmed",
   searching: "the vehicle looks for its pose",
   lost: "the place shown may be wrong",
 };
@@ -110,6 +110,14 @@ function showPose(isOld) {
   byId("pose-sign").textContent = isOld ? "?" : SIGNS[pose];
   byId("pose-name").textContent = isOld && pose !== "waiting" ? `was ${NAMES[pose]}` : NAMES[pose];
   byId("pose-label").textContent = isOld ? "nothing new is known" : LABELS[pose];
+  byId("position").textContent = isOld || pose !== "certain" ? "–" : position(state.picture.known);
+}
+
+// Within how much the position is known, as standard deviations.
+function position(known) {
+  if (!known) return "not known";
+  const short = (value) => Number(value.toPrecision(1)).toString();
+  return `± ${short(known[0])}, ${short(known[1])}°`;
 }
 
 const seconds = (value) => (value < 99.95 ? `${value.toFixed(1)} s` : `${Math.round(value)} s`);

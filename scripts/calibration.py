@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""Holds what the program says of its poses to account: docs/poses.md. Usage: calibration.py OUT [--frames N]
+
+Draws dives that no constant was chosen on, and runs `nvsprior bench --poses` on them, on the reef and on White Point
+(mapped first), if there are such data. Fails if a dive of 200 frames or more breaks the promise."""
+import argparse
+import json
+import pathlib
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PROGRAM = ROOT / "target/release/nvsprior"
+DATA = ROOT.parent / "shared/data"
+PRIOR = ROOT / "tools/basin/prior.nvsg"
+# Dives and their numbers. Constants were chosen on the first dives.
+DIVES = [("T1", 2), ("T1", 3), ("T2", 2), ("T2", 3), ("T4", 2), ("T4", 3)]
+CONDITIONS = "plain,dark,snow,object,blur"
+LEAST = 200
+WITHIN_2, WITHIN_4, MOST = 0.90, 0.99, 4.0
+
+
+def run(*arguments):
+    print("+ nvsprior", *arguments, flush=True)
+    subprocess.run([PROGRAM, *map(str, arguments)], check=True)
+
+
+def bench(name, out, *arguments):
+    """The figures of each condition."""
+    run("bench", "--poses", "--report", out / name, *arguments)
+    return [(name, summary) for summary in json.loads((out / name / "poses.json").read_text())]
+
+
+def drawn(out, frames):
+    for name, number in DIVES:
+        folder = out / f"{name}-{number}"
+        if not folder.exists():
+            run("demo", "--run", name, "--dive", number, "--draw-only", "--frames", frames, "--rate", 3, "--out", folder)
+        cameras = folder / name / "cameras.json"
+        yield from bench(f"poses-{name}-{number}", out, "--prior", PRIOR, "--cameras", cameras,
+                         "--poses-conditions", CONDITIONS)
+
+
+def real(out):
+    reef, point = DATA / "reef", DATA / "whitepoint"
+    near = ("--threshold", "1e-2", "--starts", "camera-file")
+    if reef.exists():
+        for split in ("test", "test_block"):
+            yield from bench(f"poses-reef-{split}", out, "--prior", reef / "prior.ply",
+                             "--cameras", reef / "cameras.json", "--split", split, *near)
+    if point.exists():
+        prior, cameras = out / "whitepoint.nvsg", point / "cameras.json"
+        if not prior.exists():
+            run("map", "--cameras", cameras, "--split", "train", "--points", point / "points.ply", "--splats", 20000,
+                "--iterations", 3000, "--out", prior)
+        for split in ("test", "test_block"):
+            yield from bench(f"poses-whitepoint-{split}", out, "--prior", prior, "--cameras", cameras,
+                             "--split", split, *near)
+
+
+def faults(summary):
+    """What breaks the promise, of a long dive as it is."""
+    for axis in summary["axes"]:
+        ratio = axis["deviation"] / axis["error"] if axis["deviation"] else 0
+        if axis["within_2"] < WITHIN_2 or axis["within_4"] < WITHIN_4 or not 0 < ratio <= MOST:
+            yield axis["name"]
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("--frames", type=int, default=300)
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    rows = [*drawn(given.out, given.frames), *real(given.out)]
+    print(f"\n{'dive':28} {'condition':14} {'certain':>9} {'known':>6} {'wrong':>6}  faults")
+    total = wrong = broken = 0
+    for name, summary in rows:
+        held = summary["condition"] == "plain" and summary["certain"] >= LEAST
+        bad = list(faults(summary)) if held else []
+        total += summary["known"]
+        wrong += summary["known_and_wrong"]
+        broken += bool(bad)
+        certain = f"{summary['certain']}/{summary['frames']}"
+        print(f"{name:28} {summary['condition']:14} {certain:>9} {summary['known']:6} "
+              f"{summary['known_and_wrong']:6}  {', '.join(bad)}")
+    print(f"position known in {total} frames, of which {wrong} are off by more than {MOST:.0f} times what is stated")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
