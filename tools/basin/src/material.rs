@@ -3,11 +3,14 @@
 mod basin;
 mod growth;
 mod quay;
+mod tower;
 
 use glam::{IVec2, Vec2, Vec3};
 
 use super::noise::{fractal, hash_cell, unit};
 use super::solid::{Material, Solid};
+
+pub use tower::gloss;
 
 /// A point of a surface, in the paint's coordinates.
 pub struct Spot<'a> {
@@ -47,6 +50,9 @@ fn bare(spot: &Spot) -> Vec3 {
         Material::Pot => quay::pot(spot),
         Material::Buoy => quay::buoy(spot),
         Material::Growth => growth::bump(spot),
+        Material::Coated => tower::coated(spot),
+        Material::Fouling => tower::fouling(spot),
+        Material::BareSteel => tower::bare_steel(spot),
         Material::SafetyLine => Vec3::new(0.85, 0.65, 0.05),
     }
 }

@@ -4,8 +4,8 @@ use nvsprior::Pose;
 
 use super::scene::Scene;
 use super::trajectory::basin::{Track, inspection_pose, row_pose};
-use super::trajectory::{FRAME_RATE, quay as quay_track};
-use super::{Site, ageing, basin, quay};
+use super::trajectory::{FRAME_RATE, quay as quay_track, tower as tower_track};
+use super::{Rig, Site, ageing, basin, quay, tower};
 
 /// The inspection runs, some time after the mapping run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,10 +22,12 @@ pub enum Run {
     T5,
     /// The row as mapped, along its side.
     T6,
+    /// The tower as mapped, back from it and along its face.
+    T7,
 }
 
 impl Run {
-    pub const ALL: [Run; 6] = [Run::T1, Run::T2, Run::T3, Run::T4, Run::T5, Run::T6];
+    pub const ALL: [Run; 7] = [Run::T1, Run::T2, Run::T3, Run::T4, Run::T5, Run::T6, Run::T7];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -35,6 +37,7 @@ impl Run {
             Run::T4 => "T4",
             Run::T5 => "T5",
             Run::T6 => "T6",
+            Run::T7 => "T7",
         }
     }
 
@@ -43,13 +46,14 @@ impl Run {
             Run::T1 | Run::T2 | Run::T4 | Run::T5 => Site::Basin,
             Run::T3 => Site::Quay,
             Run::T6 => Site::Row,
+            Run::T7 => Site::Tower,
         }
     }
 
     /// Weeks since the mapping run. 0: the run's scene does not age.
     pub fn weeks(self) -> f32 {
         match self {
-            Run::T1 | Run::T2 | Run::T3 | Run::T6 => 0.0,
+            Run::T1 | Run::T2 | Run::T3 | Run::T6 | Run::T7 => 0.0,
             Run::T4 => 4.0,
             Run::T5 => 26.0,
         }
@@ -64,6 +68,7 @@ impl Run {
             Run::T4 => 6,
             Run::T5 => 7,
             Run::T6 => 11,
+            Run::T7 => 13,
         }
     }
 }
@@ -72,18 +77,20 @@ impl Run {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dive {
     pub run: Run,
-    /// Weeks since the mapping run. The scenes of T1, T2, T3 and T6 do not age.
+    /// Weeks since the mapping run. Only the scenes of T4 and T5 age.
     pub weeks: f32,
     /// From 1.
     pub number: u8,
     /// Frames per second.
     pub rate: f64,
+    /// Of the vehicle at the tower.
+    pub rig: Rig,
 }
 
 impl Dive {
     /// The first dive of a run, at the run's own age.
     pub fn of(run: Run) -> Dive {
-        Dive { run, weeks: run.weeks(), number: 1, rate: FRAME_RATE }
+        Dive { run, weeks: run.weeks(), number: 1, rate: FRAME_RATE, rig: Rig::default() }
     }
 
     /// What stands there, without the safety line.
@@ -94,6 +101,7 @@ impl Dive {
             Run::T3 => quay::later(),
             Run::T4 | Run::T5 => ageing::basin_after(self.weeks),
             Run::T6 => basin::row(),
+            Run::T7 => tower::mapped(),
         }
     }
 
@@ -102,7 +110,7 @@ impl Dive {
         self.run.tag() + 16 * self.earlier()
     }
 
-    /// Where the camera is, `time` seconds into the dive.
+    /// Where the camera is, `time` seconds into the dive. At the tower: the rig's first one.
     pub(crate) fn pose(&self, time: f64) -> Pose {
         let earlier = self.earlier();
         let on = |track: Track| inspection_pose(&track.after(earlier), time);
@@ -113,6 +121,7 @@ impl Dive {
             Run::T4 => on(Track::T4),
             Run::T5 => on(Track::T5),
             Run::T6 => row_pose(earlier, time),
+            Run::T7 => tower_track::inspection_pose(earlier, time),
         }
     }
 

@@ -33,6 +33,12 @@ impl Scene {
         self
     }
 
+    /// The part of the scene that is within a distance of a place.
+    pub fn near(&self, place: Vec3, reach: f32) -> Scene {
+        let near = self.groups.iter().filter(|group| group.distance_to_bounds(place) < reach);
+        Scene { groups: near.cloned().collect(), ..self.clone() }
+    }
+
     /// All solids, the enclosure's last.
     #[cfg(test)]
     pub fn solids(&self) -> impl Iterator<Item = &Solid> {
@@ -65,8 +71,13 @@ impl Scene {
 
     /// Whether something casts a shadow along the ray.
     pub fn shadowed(&self, ray: &Ray) -> bool {
-        let mut near = self.groups.iter().filter(|g| g.may_hit(ray, f32::INFINITY));
-        near.any(|g| g.solids.iter().any(|s| s.hit(ray, f32::INFINITY).is_some()))
+        self.shadowed_within(ray, f32::INFINITY)
+    }
+
+    /// Whether something casts a shadow along the ray's first `limit` metres.
+    pub fn shadowed_within(&self, ray: &Ray, limit: f32) -> bool {
+        let mut near = self.groups.iter().filter(|g| g.may_hit(ray, limit));
+        near.any(|g| g.solids.iter().any(|s| s.hit(ray, limit).is_some()))
     }
 
     /// Distance to the nearest surface, at most `reach`; negative inside a solid.

@@ -65,7 +65,7 @@ fn add_speck(radiance: &mut [Vec3], width: u32, height: u32, draws: &mut Stream)
 }
 
 /// Pixels within `reach` of a coordinate, cut to `0..side`.
-fn pixels_about(at: f32, reach: f32, side: u32) -> std::ops::Range<u32> {
+pub fn pixels_about(at: f32, reach: f32, side: u32) -> std::ops::Range<u32> {
     (at - reach).max(0.0) as u32..((at + reach).ceil() as u32).min(side)
 }
 

@@ -53,6 +53,12 @@ pub enum Material {
     Buoy,
     /// A bump of what has grown: barnacle, mussel or tuft.
     Growth,
+    /// Steel of the tower under an old coating.
+    Coated,
+    /// What lives on the tower, where no light comes: a bump.
+    Fouling,
+    /// Welds of the tower that were cleaned to the metal.
+    BareSteel,
 }
 
 /// A shape about the origin of its own axes, in metres.

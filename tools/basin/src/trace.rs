@@ -45,6 +45,16 @@ impl Rays {
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
+
+    /// Focal length, pixels.
+    pub fn focal(&self) -> f32 {
+        self.focal
+    }
+
+    /// (x/z, y/z) of each pixel's samples, row by row.
+    pub fn samples(&self) -> &[[Vec2; LAMP_COUNT]] {
+        &self.through
+    }
 }
 
 /// A posed camera.
@@ -79,37 +89,48 @@ pub fn draw(scene: &Scene, rays: &Rays, pose: &Pose, light: &Light) -> Vec<Vec3>
 }
 
 fn sample(scene: &Scene, ray: &Ray, focal: f32, light: &Light, lamp: usize) -> Vec3 {
-    let Some(hit) = scene.hit(ray) else { return scene.water.veil };
+    let Some((spot, range)) = seen(scene, ray, focal) else { return scene.water.veil };
+    let reflected = albedo(&spot) * light.on(scene, spot.position, spot.normal, lamp);
+    scene.water.through(reflected, range)
+}
+
+/// The point of a surface that a ray ends at, and its distance.
+pub fn seen<'a>(scene: &'a Scene, ray: &Ray, focal: f32) -> Option<(Spot<'a>, f32)> {
+    let hit = scene.hit(ray)?;
     // Samples are half a pixel apart. A slanting surface stretches them, up to a limit.
     let slant = hit.normal.dot(ray.direction).abs().max(0.3);
     let footprint = 0.5 * hit.t / (focal * slant);
     let (position, normal, weeks) = (hit.position, hit.normal, scene.weeks);
-    let spot = Spot { solid: hit.solid, position, normal, footprint, weeks };
-    let reflected = albedo(&spot) * light.on(scene, hit.position, hit.normal, lamp);
-    scene.water.through(reflected, hit.t)
+    Some((Spot { solid: hit.solid, position, normal, footprint, weeks }, hit.t))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::{CAMERA, Site};
+    use super::super::{CAMERA, Course, Site};
     use super::*;
 
     #[test]
     fn rays_end_at_points_that_project_back_onto_their_pixels() {
-        for (scene, pose) in Site::ALL.iter().flat_map(|site| {
+        let mut open = 0;
+        for (site, scene, pose) in Site::ALL.iter().flat_map(|site| {
             let scene = site.mapped();
-            site.mapping_poses().into_iter().map(move |pose| (scene.clone(), pose))
+            site.mapping_poses().into_iter().map(move |pose| (site, scene.clone(), pose))
         }) {
             let eye = Eye::new(&pose);
             for (x, y) in [(3.5, 4.5), (160.0, 90.0), (310.0, 20.0), (77.0, 171.0)] {
                 let through = Vec2::new((x - CAMERA.cx) / CAMERA.fx, (y - CAMERA.cy) / CAMERA.fy);
                 let ray = eye.ray(through);
-                let hit = scene.hit(&ray).unwrap();
+                let Some(hit) = scene.hit(&ray) else {
+                    assert!(site.has_lamps(), "{site:?} has an end");
+                    open += 1;
+                    continue;
+                };
                 let p = (pose.rotation * hit.position.as_dvec3() + pose.translation).as_vec3();
                 let (u, v) = (CAMERA.fx * p.x / p.z + CAMERA.cx, CAMERA.fy * p.y / p.z + CAMERA.cy);
                 assert!((u - x).abs() < 0.01 && (v - y).abs() < 0.01, "({x}, {y}): ({u}, {v})");
                 assert!((p.length() - hit.t).abs() < 1e-3 && hit.normal.dot(ray.direction) < 0.0);
             }
         }
+        assert!(open < 2 * Course::Both.pictures(), "{open} rays meet nothing");
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod basin;
 pub mod quay;
+pub mod tower;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use nvsprior::Pose;
@@ -60,6 +61,7 @@ mod tests {
                 let aim = match site {
                     Site::Basin => DVec3::Z * 1.5,
                     Site::Quay => DVec3::new(0.0, centre.y, 1.5),
+                    Site::Tower => super::super::tower::CROSSING.as_dvec3(),
                     Site::Row => {
                         let step = f64::from(super::super::basin::ROW_STEP);
                         DVec3::new(0.0, step * (centre.y / step).round(), 1.5)

@@ -95,6 +95,9 @@ impl Water {
         ..Water::HARBOUR
     };
 
+    /// A fjord's deep water, which no daylight reaches. What lamps do in it: `medium`.
+    pub const BLACK: Water = Water { veil: Vec3::ZERO, light: Vec3::ZERO, ..Water::BASIN };
+
     /// Radiance after `range` metres: `C = J exp(−β_d z) + B∞ (1 − exp(−β_b z))`
     /// (Akkaynak and Treibitz, "A Revised Underwater Image Formation Model", CVPR 2018, eq. 20).
     pub fn through(&self, radiance: Vec3, range: f32) -> Vec3 {

@@ -11,7 +11,7 @@ use nvsprior_demo::{Job, draw_dive};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::values;
 
-use drawing::{SceneArgs, draw_mapping_run};
+use drawing::{CourseArg, SceneArgs, draw_mapping_run};
 use video::VideoArgs;
 
 /// Run the whole job on a scene that the program draws itself
@@ -40,9 +40,12 @@ pub struct Args {
     views: usize,
     #[command(flatten)]
     scene: SceneArgs,
-    /// Only draws the site's mapping run, M1, M2 or M3, that a prior is trained from
+    /// Only draws the site's mapping run, M1, M2, M3 or M4, that a prior is trained from
     #[arg(long, conflicts_with_all = ["run", "draw_only"])]
     mapping_run: bool,
+    /// Course of the tower's mapping run; both if it is not there
+    #[arg(long, value_name = "COURSE", value_enum, requires = "mapping_run")]
+    course: Option<CourseArg>,
     /// Only draws: writes each run's frames and camera file, and opens no device
     #[arg(long)]
     draw_only: bool,
@@ -69,7 +72,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     values::make_folder("--out", &args.out)?;
     let site = args.scene.site()?;
     if args.mapping_run {
-        return draw_mapping_run(&args.out, args.scene.camera(), site);
+        let run = args.scene.mapping_run(args.course)?;
+        return draw_mapping_run(&args.out, args.scene.camera()?, run);
     }
     let dives = args.scene.dives()?;
     if site == Site::Basin && !args.draw_only {
@@ -85,7 +89,7 @@ fn encode_basin(args: &Args, dives: Vec<Dive>) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let job = Job {
         out: args.out.clone(),
-        camera: args.scene.camera(),
+        camera: args.scene.camera()?,
         dives,
         frames: args.frames.get(),
         bfgs_frames: args.bfgs_frames,
@@ -98,7 +102,7 @@ fn encode_basin(args: &Args, dives: Vec<Dive>) -> anyhow::Result<()> {
 fn draw_dives(args: &Args, dives: &[Dive]) -> anyhow::Result<()> {
     for dive in dives {
         let bar = progress(args.frames.get(), "drawing an inspection run");
-        draw_dive(&args.out, args.scene.camera(), dive, args.frames.get(), |_| bar.inc(1))?;
+        draw_dive(&args.out, args.scene.camera()?, dive, args.frames.get(), |_| bar.inc(1))?;
         bar.finish_and_clear();
         println!("the inspection run is in {}", args.out.join(dive.run.name()).display());
     }
@@ -110,7 +114,7 @@ fn draw_views(args: &Args) -> anyhow::Result<()> {
     if args.views == 0 {
         return Ok(());
     }
-    let camera = args.scene.camera();
+    let camera = args.scene.camera()?;
     let bar = progress(args.views, "drawing random views");
     let views = nvsprior_basin::random_views(camera, args.views, Conditions::CALM);
     nvsprior_basin::write_run(&args.out.join("views"), "views", camera, views, |_| bar.inc(1))?;

@@ -52,6 +52,11 @@ pub fn tilt(text: &str) -> Result<f64, String> {
     within(text, -180.0, 180.0, "between −180 and 180")
 }
 
+/// How wide a drawn camera sees, degrees.
+pub fn field_of_view(text: &str) -> Result<f64, String> {
+    within(text, 20.0, 100.0, "between 20 and 100 degrees")
+}
+
 /// A near plane: nothing of a scene lies beyond the upper end.
 pub fn near(text: &str) -> Result<f32, String> {
     Ok(within(text, 1e-6, 1e6, "between 1e-6 and 1e6")? as f32)

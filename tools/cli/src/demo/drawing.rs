@@ -3,19 +3,22 @@
 use std::path::Path;
 
 use nvsprior::Camera;
-use nvsprior_basin::{Conditions, Dive, Run, Site, camera_of_width};
+use nvsprior_basin::{
+    Conditions, Course, Dive, Lamps, MappingRun, Rig, RigCamera, Run, Site, camera_of_width,
+};
 use nvsprior_inputs::args::progress;
 use nvsprior_inputs::values::{self, WrongUsage};
 
 /// What is drawn.
 #[derive(clap::Args)]
 pub struct SceneArgs {
-    /// Which scene, basin if none is named. Quay and row have no prior yet: T3 and T6, their inspection runs, are
-    /// drawn, and not encoded
+    /// Which scene, basin if none is named. Quay, row and tower have no prior yet: T3, T6 and T7, their inspection
+    /// runs, are drawn, and not encoded
     #[arg(long, value_enum, value_name = "SITE")]
     site: Option<SiteArg>,
     /// Only this inspection run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5
-    /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay, T6 of the row
+    /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay, T6 of the row, T7 of the
+    /// tower
     #[arg(long, value_name = "RUN", value_parser = run_named)]
     run: Option<Run>,
     /// Weeks since the mapping run, 0 to 520, instead of T4's 4 or T5's 26
@@ -34,7 +37,90 @@ pub struct SceneArgs {
     #[arg(long, value_name = "PIXELS", default_value_t = nvsprior_basin::CAMERA.width,
         value_parser = clap::value_parser!(u32).range(LEAST_WIDTH..=i64::from(Camera::MAX_SIDE)))]
     width: u32,
+    #[command(flatten)]
+    rig: RigArgs,
 }
+
+/// What the vehicle carries at the tower. Other sites have a light and a camera of their own.
+#[derive(clap::Args)]
+struct RigArgs {
+    /// The tower's vehicle: how wide its lens sees, horizontally, 20 to 100; 33 if it is not there
+    #[arg(long, value_name = "DEGREES", value_parser = values::field_of_view)]
+    lens: Option<f64>,
+    /// The tower's vehicle: which camera of its stereo pair takes the pictures; 1 if it is not there
+    #[arg(long, value_name = "WHICH", value_enum)]
+    camera: Option<CameraArg>,
+    /// The tower's vehicle: which of its lamps are on; both if it is not there
+    #[arg(long, value_name = "WHICH", value_enum)]
+    lamps: Option<LampsArg>,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum CameraArg {
+    #[value(name = "1")]
+    First,
+    /// 0.2 m to the right, with another response, gain and white balance
+    #[value(name = "2")]
+    Second,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum LampsArg {
+    Both,
+    Left,
+    Right,
+}
+
+/// Course of the tower's mapping run.
+#[derive(Clone, Copy, clap::ValueEnum)]
+pub enum CourseArg {
+    /// Along the line of sight, from 4.5 to 1.6 m
+    Approach,
+    /// About the tower, in three rows
+    Arcs,
+    Both,
+}
+
+impl RigArgs {
+    /// The name of an option that is stated.
+    fn stated(&self) -> Option<&'static str> {
+        let stated = [
+            ("--lens", self.lens.is_some()),
+            ("--camera", self.camera.is_some()),
+            ("--lamps", self.lamps.is_some()),
+        ];
+        stated.into_iter().find_map(|(name, there)| there.then_some(name))
+    }
+
+    fn rig(&self) -> Rig {
+        let default = Rig::default();
+        Rig {
+            lens: self.lens.unwrap_or(default.lens),
+            camera: match self.camera {
+                None | Some(CameraArg::First) => RigCamera::First,
+                Some(CameraArg::Second) => RigCamera::Second,
+            },
+            lamps: match self.lamps {
+                None | Some(LampsArg::Both) => Lamps::Both,
+                Some(LampsArg::Left) => Lamps::Left,
+                Some(LampsArg::Right) => Lamps::Right,
+            },
+        }
+    }
+}
+
+impl From<CourseArg> for Course {
+    fn from(course: CourseArg) -> Course {
+        match course {
+            CourseArg::Approach => Course::Approach,
+            CourseArg::Arcs => Course::Arcs,
+            CourseArg::Both => Course::Both,
+        }
+    }
+}
+
+/// Said of options that other sites do not have.
+const ONLY_TOWER: &str = "only --site tower has it, where the vehicle brings its own light";
 
 /// Narrower pictures show too little of the scene to search by.
 const LEAST_WIDTH: i64 = 160;
@@ -48,6 +134,8 @@ enum SiteArg {
     Quay,
     /// Three structures of oil barrels in a long basin
     Row,
+    /// A steel lattice tower in black water, in the light of the vehicle's own lamps
+    Tower,
 }
 
 impl From<SiteArg> for Site {
@@ -56,6 +144,7 @@ impl From<SiteArg> for Site {
             SiteArg::Basin => Site::Basin,
             SiteArg::Quay => Site::Quay,
             SiteArg::Row => Site::Row,
+            SiteArg::Tower => Site::Tower,
         }
     }
 }
@@ -67,12 +156,35 @@ fn run_named(name: &str) -> Result<Run, String> {
 }
 
 impl SceneArgs {
-    pub fn camera(&self) -> Camera {
-        camera_of_width(self.width)
+    /// The camera of the site that is drawn.
+    pub fn camera(&self) -> Result<Camera, WrongUsage> {
+        Ok(if self.site()?.has_lamps() {
+            self.rig.rig().pinhole(self.width)
+        } else {
+            camera_of_width(self.width)
+        })
+    }
+
+    /// The site's mapping run, on a course if the site has a choice.
+    pub fn mapping_run(&self, course: Option<CourseArg>) -> Result<MappingRun, WrongUsage> {
+        let site = self.site()?;
+        if course.is_some() && !site.has_lamps() {
+            return Err(WrongUsage(format!("--course: {ONLY_TOWER}")));
+        }
+        let course = course.map_or(Course::Both, Course::from);
+        Ok(MappingRun { site, course, rig: self.rig.rig() })
     }
 
     /// The site that is named, or the one of the run that is.
     pub fn site(&self) -> Result<Site, WrongUsage> {
+        let site = self.named_site()?;
+        match self.rig.stated() {
+            Some(option) if !site.has_lamps() => Err(WrongUsage(format!("{option}: {ONLY_TOWER}"))),
+            _ => Ok(site),
+        }
+    }
+
+    fn named_site(&self) -> Result<Site, WrongUsage> {
         match (self.site.map(Site::from), self.run) {
             (Some(site), Some(run)) if run.site() != site => {
                 let run = run.name();
@@ -91,12 +203,14 @@ impl SceneArgs {
             (None, Site::Basin) => vec![Run::T1, Run::T2],
             (None, Site::Quay) => vec![Run::T3],
             (None, Site::Row) => vec![Run::T6],
+            (None, Site::Tower) => vec![Run::T7],
         };
         runs.into_iter().map(|run| self.dive(run)).collect()
     }
 
     fn dive(&self, run: Run) -> Result<Dive, WrongUsage> {
-        let mut dive = Dive { number: self.dive, rate: self.rate, ..Dive::of(run) };
+        let rig = self.rig.rig();
+        let mut dive = Dive { number: self.dive, rate: self.rate, rig, ..Dive::of(run) };
         if let Some(weeks) = self.age {
             if run.weeks() == 0.0 {
                 let what = "only the scene of T4 and T5 ages. Leave --age out";
@@ -109,10 +223,10 @@ impl SceneArgs {
 }
 
 /// Draws a mapping run into a folder of its name.
-pub fn draw_mapping_run(out: &Path, camera: Camera, site: Site) -> anyhow::Result<()> {
-    let name = site.mapping_run_name();
+pub fn draw_mapping_run(out: &Path, camera: Camera, run: MappingRun) -> anyhow::Result<()> {
+    let name = run.site.mapping_run_name();
     let folder = out.join(name);
-    let run = nvsprior_basin::mapping_run_by(camera, site, Conditions::CALM);
+    let run = nvsprior_basin::mapping_run_by(camera, run, Conditions::CALM);
     let bar = progress(run.len(), "drawing the mapping run");
     nvsprior_basin::write_run(&folder, name, camera, run, |_| bar.inc(1))?;
     bar.finish_and_clear();
