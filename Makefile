@@ -9,7 +9,7 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 # What every command that builds the tests' profile names: cargo builds crates anew for another choice of packages.
 ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
-.PHONY: help demo console console-test console-soak demo-prior ageing calibration quick test long-test \
+.PHONY: help demo console console-test console-soak demo-prior tower-prior ageing calibration quick test long-test \
 	other-devices gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
@@ -22,6 +22,7 @@ help:
 	@echo "make console-test   that page in headless Chromium; RENEW=1 renews the pictures in docs/console/"
 	@echo "make console-soak   eight hours of packets through the console, in fast motion: is its memory flat?"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
+	@echo "make tower-prior    a prior of the tower in black water, from M4: COURSE=approach|arcs|both, LENS=33|80"
 	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md"
 	@echo "make poses-test     poses of the mapping run's pictures by pycolmap, against the true ones; some minutes"
 	@echo "make calibration    how far poses are off, beside what the program says of them: an hour"
@@ -92,6 +93,17 @@ demo-prior:
 	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
 	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 --knee 0 \
 		--out tools/basin/prior.nvsg --report target/demo-prior/report
+
+# Which course of M4 the tower's prior is made from, by which lens, and where to.
+COURSE ?= both
+LENS ?= 33
+TOWER := target/tower-$(COURSE)-$(LENS)
+
+tower-prior:
+	@scripts/setup.sh run
+	cargo run --release --bin nvsprior -- demo --site tower --mapping-run --course $(COURSE) --lens $(LENS) --out $(TOWER)
+	cargo run --release --bin nvsprior -- map --cameras $(TOWER)/M4/cameras.json --out $(TOWER)/prior.nvsg \
+		--report $(TOWER)/report
 
 # What a survey team does with its own video, on one that the program draws.
 first-dive:

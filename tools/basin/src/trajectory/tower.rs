@@ -103,15 +103,12 @@ fn arc(time: f64) -> Pose {
 pub fn inspection_pose(earlier: u32, time: f64) -> Pose {
     let phase = 0.7 * f64::from(earlier);
     let distance = 3.0 - 1.1 * (TAU * time / 74.0 + 0.5 * phase).cos();
-    let side = -5.0 + 15.0 * sway(time, 59.0, phase - 0.6);
-    let place = CROSSING.as_dvec3()
-        + DVec3::new(
-            0.0,
-            0.4 * sway(time, 83.0, phase),
-            0.2 + 0.25 * sway(time, 47.0, phase + 1.0),
-        );
-    let turn = [2.5 * sway(time, 23.0, phase + 2.0), 1.5 * sway(time, 15.0, phase)];
-    facing(place, distance, [side, -4.0 + 5.0 * sway(time, 41.0, phase + 0.5)], turn)
+    let side = 1.0 + 12.0 * sway(time, 59.0, phase - 0.4);
+    let along = 0.25 * sway(time, 83.0, phase);
+    let up = 0.05 + 0.15 * sway(time, 47.0, phase + 0.6);
+    let turn = [1.8 * sway(time, 23.0, phase + 2.0), 1.1 * sway(time, 15.0, phase)];
+    let pitch = -5.0 + 5.0 * sway(time, 41.0, phase + 0.5);
+    facing(CROSSING.as_dvec3() + DVec3::new(0.0, along, up), distance, [side, pitch], turn)
 }
 
 #[cfg(test)]

@@ -61,6 +61,28 @@ fn the_quay_is_drawn_and_not_encoded() {
     assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
 }
 
+#[test]
+fn the_tower_is_drawn_by_what_the_vehicle_carries() {
+    let dive = Dive::new();
+    let draw = |args: &str| {
+        dive.run(&format!("demo --run T7 --draw-only --frames 1 --width 160 {args}")).ends_with(0);
+    };
+    draw("--out narrow");
+    draw("--lens 80 --out wide");
+    draw("--camera 2 --out second");
+    draw("--lamps left --out left");
+    let focal = |run: &str| dive.json(&format!("{run}/T7/cameras.json"))["fx"].as_f64().unwrap();
+    let of = |degrees: f64| 80.0 / (degrees / 2.0).to_radians().tan();
+    assert!((focal("narrow") - of(33.0)).abs() < 1e-3 && (focal("wide") - of(80.0)).abs() < 1e-3);
+    let place = |run: &str| {
+        let listed = dive.json(&format!("{run}/T7/cameras.json"));
+        listed["images"][0]["tvec"][0].as_f64().unwrap()
+    };
+    assert!((place("narrow") - place("second") - 0.2).abs() < 0.05);
+    let picture = |run: &str| dive.bytes(&format!("{run}/T7/T7/0001.png"));
+    assert_ne!(picture("narrow"), picture("left"));
+}
+
 /// Without a driver for any device.
 #[test]
 fn a_run_is_drawn_without_a_device() {
