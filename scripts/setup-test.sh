@@ -93,7 +93,7 @@ programs() {
     rust="cargo rustc cc"
     c="gcc clang g++ clang++ cmake pkg-config valgrind nm abidw abidiff cbindgen"
     case $1 in
-    demo | demo-prior | package) echo "$rust" ;;
+    demo | demo-prior | tower-prior | package) echo "$rust" ;;
     quick | test) echo "$rust spirv-val" ;;
     gst) echo "$rust pkg-config" ;;
     gst-test) echo "$rust pkg-config gst-inspect-1.0 gst-launch-1.0 python3" ;;

@@ -31,9 +31,6 @@ pub struct Film {
 
 /// Width of the pictures that light is metered by.
 const METERED: u32 = 32;
-/// Of the maps of shadows in the water: of a picture, and of a metered one.
-const SHADOWS: usize = 160;
-const METERED_SHADOWS: usize = 24;
 /// Flakes in a cubic metre for one of [`Conditions::snow`].
 const FLAKES: f32 = 18.0;
 
@@ -54,8 +51,8 @@ impl Film {
         let moments = self.moments(time, exposure.shutter);
         let vehicle = (self.path)(time);
         let rays = Rays::of_camera(&self.camera);
-        let mut drawn = night::draw(&self.scene, &rays, &self.rig, &moments, &vehicle, SHADOWS);
-        let seed = (self.tag << 24) | index as u32;
+        let mut drawn = night::draw(&self.scene, &rays, &self.rig, &moments, &vehicle);
+        let seed = (self.tag << 24) ^ (self.rig.tag() << 20) ^ index as u32;
         self.let_snow_fall(&mut drawn, &moments, seed);
         let response = Response::of(self.rig.camera);
         let mut noise = Stream::new(hash(seed ^ 0x0401_5e00));
@@ -78,7 +75,7 @@ impl Film {
 
     /// The camera's exposure when it has looked at the first frame for long.
     fn settled(&self) -> AutoExposure {
-        AutoExposure::settled(self.mean(0), self.tag as f32)
+        AutoExposure::settled(self.mean(0), (self.tag + 3 * self.rig.tag()) as f32)
     }
 
     /// The camera's exposure after some frames more.
@@ -91,7 +88,7 @@ impl Film {
         let vehicle = (self.path)(index as f64 * self.step);
         let small = self.camera.resized(METERED, METERED * 9 / 16);
         let (rays, still) = (Rays::of_camera(&small), [vehicle; 4]);
-        let drawn = night::draw(&self.scene, &rays, &self.rig, &still, &vehicle, METERED_SHADOWS);
+        let drawn = night::draw(&self.scene, &rays, &self.rig, &still, &vehicle);
         drawn.radiance.iter().sum::<Vec3>() / drawn.radiance.len() as f32
     }
 }
@@ -118,7 +115,7 @@ mod tests {
     /// Radiance of a small picture, by rows of 48.
     fn radiance(scene: &Scene, rig: &Rig, moments: &[Pose; 4]) -> Vec<Vec3> {
         let rays = Rays::of_camera(&rig.pinhole(48));
-        night::draw(scene, &rays, rig, moments, &moments[1], 32).radiance
+        night::draw(scene, &rays, rig, moments, &moments[1]).radiance
     }
 
     /// Mean radiance of some columns.
@@ -156,7 +153,7 @@ mod tests {
         let (rig, pose) = (Rig { lamps: Lamps::Left, ..WIDE }, [Course::Approach.pose(30.0); 4]);
         let black = |scene: &Scene| {
             let rays = Rays::of_camera(&rig.pinhole(48));
-            let drawn = night::draw(scene, &rays, &rig, &pose, &pose[0], 64);
+            let drawn = night::draw(scene, &rays, &rig, &pose, &pose[0]);
             // Where nothing but water is seen.
             std::iter::zip(drawn.range, drawn.radiance)
                 .map(|(r, v)| (r == night::SIGHT, v.y))

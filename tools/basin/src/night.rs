@@ -121,19 +121,14 @@ impl March {
 }
 
 /// Draws one exposure: each of a pixel's samples at a moment of its own, the water at the middle one. `moments` and
-/// `middle`: poses of the rig's first camera. `shadow_side`: of the maps of shadows in the water.
-pub fn draw(
-    scene: &Scene,
-    rays: &Rays,
-    rig: &Rig,
-    moments: &[Pose; 4],
-    middle: &Pose,
-    shadow_side: usize,
-) -> Drawn {
+/// `middle`: poses of the rig's first camera.
+pub fn draw(scene: &Scene, rays: &Rays, rig: &Rig, moments: &[Pose; 4], middle: &Pose) -> Drawn {
     let near = scene.near(middle.centre().as_vec3(), SIGHT);
     let moments = moments.each_ref().map(|pose| Moment::new(&near, rig, pose));
     let middle = Moment::new(&near, rig, middle);
-    let shadows = middle.lamps.iter().map(|lamp| (lamp, ShadowMap::new(&near, lamp, shadow_side)));
+    // Shadows in the water have no sharp edges: they need half the picture's detail.
+    let side = (rays.size().0 / 2) as usize;
+    let shadows = middle.lamps.iter().map(|lamp| (lamp, ShadowMap::new(&near, lamp, side)));
     let (lit, march): (Vec<_>, _) = (shadows.collect(), March::new());
     let pixel = |through: &[Vec2; 4]| {
         let sample = |i: usize| moments[i].surface(&moments[i].eye.ray(through[i]), rays.focal());

@@ -57,6 +57,11 @@ impl Rig {
         }
     }
 
+    /// Tells passes by different rigs apart: each has its own snow and noise.
+    pub(crate) fn tag(&self) -> u32 {
+        3 * self.camera as u32 + self.lamps as u32
+    }
+
     pub(crate) fn lit(&self) -> &'static [Lamp] {
         static BOTH: [Lamp; 2] = [LEFT, RIGHT];
         match self.lamps {

@@ -113,6 +113,7 @@ pub fn inspection_pose(earlier: u32, time: f64) -> Pose {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::{Rig, RigCamera};
     use super::*;
 
     /// Most degrees between the directions in which two pictures show the crossing.
@@ -143,6 +144,18 @@ mod tests {
                 let moved = (at(0.1).centre() - at(-0.1).centre()).length();
                 assert!(moved < 0.08, "{course:?}, picture {i}: {moved}");
             }
+        }
+    }
+
+    #[test]
+    fn the_second_camera_keeps_clear_of_the_tower() {
+        let scene = super::super::super::tower::mapped();
+        let rig = Rig { camera: RigCamera::Second, ..Rig::default() };
+        let of_dive = |dive| (0..600).map(move |i| inspection_pose(dive, f64::from(i) / 3.0));
+        let vehicles = Course::Both.poses().into_iter().chain((0..5).flat_map(of_dive));
+        for vehicle in vehicles {
+            let centre = rig.pose(&vehicle).centre().as_vec3();
+            assert!(scene.distance(centre, 1.0) > 0.4, "{centre}");
         }
     }
 

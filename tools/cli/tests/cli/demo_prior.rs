@@ -83,6 +83,18 @@ fn the_tower_is_drawn_by_what_the_vehicle_carries() {
     assert_ne!(picture("narrow"), picture("left"));
 }
 
+#[test]
+fn the_tower_is_mapped_by_course() {
+    let dive = Dive::new();
+    dive.run("demo --site tower --mapping-run --course approach --width 160 --out .").ends_with(0);
+    let listed = dive.json("M4/cameras.json");
+    let images = listed["images"].as_array().unwrap();
+    assert_eq!(images.len(), 24);
+    assert!(
+        images.iter().all(|image| dive.path("M4").join(image["file"].as_str().unwrap()).exists())
+    );
+}
+
 /// Without a driver for any device.
 #[test]
 fn a_run_is_drawn_without_a_device() {
