@@ -1,6 +1,7 @@
 //! `nvsprior demo`: the whole job on the embedded scene, and runs of the scenes that are only drawn.
 
 mod drawing;
+mod rig;
 mod video;
 
 use std::num::NonZeroUsize;
@@ -11,7 +12,8 @@ use nvsprior_demo::{Job, draw_dive};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::values;
 
-use drawing::{CourseArg, SceneArgs, draw_mapping_run};
+use drawing::{SceneArgs, draw_mapping_run};
+use rig::CourseArg;
 use video::VideoArgs;
 
 /// Run the whole job on a scene that the program draws itself
