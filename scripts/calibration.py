@@ -15,7 +15,8 @@ DATA = ROOT.parent / "shared/data"
 PRIOR = ROOT / "tools/basin/prior.nvsg"
 # Dives and their numbers. Constants were chosen on the first dives.
 DIVES = [("T1", 2), ("T1", 3), ("T2", 2), ("T2", 3), ("T4", 2), ("T4", 3)]
-CONDITIONS = "plain,dark,snow,object,blur"
+# Lost frames take seconds each.
+CONDITIONS, CHANGED = "dark,low-contrast,snow,object", 40
 LEAST = 200
 WITHIN_2, WITHIN_4, MOST = 0.90, 0.99, 4.0
 
@@ -37,7 +38,9 @@ def drawn(out, frames):
         if not folder.exists():
             run("demo", "--run", name, "--dive", number, "--draw-only", "--frames", frames, "--rate", 3, "--out", folder)
         cameras = folder / name / "cameras.json"
-        yield from bench(f"poses-{name}-{number}", out, "--prior", PRIOR, "--cameras", cameras,
+        run_of = ("--prior", PRIOR, "--cameras", cameras)
+        yield from bench(f"poses-{name}-{number}", out, *run_of)
+        yield from bench(f"changed-{name}-{number}", out, *run_of, "--limit", CHANGED,
                          "--poses-conditions", CONDITIONS)
 
 

@@ -9,6 +9,7 @@ use crate::packet::{
     Latent, PacketError, PoseBound, PoseProfile, QuantisedPose, RENDER_PART_LEN, SESSION_PART_LEN,
     SentPoses, Session,
 };
+use crate::prior::PoseTrials;
 use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
@@ -372,9 +373,10 @@ impl Encoder {
         let session = Session { prior: self.scene.id(), camera: self.camera };
         let frame = self.scene.coordinate_frame();
         let (unit, rounding) = (frame.unit(), pose.rounding(&frame));
-        let mut covariance = found.stated_covariance();
+        let mut covariance = found.stated_covariance(self.scene.pose_doubt());
         (0..6).for_each(|i| covariance[i][i] += rounding[i / 3]);
-        let bound = PoseBound::of(&deviations(&covariance), unit);
+        let navigable = self.scene.pose_doubt() <= PoseTrials::MAX_DOUBT;
+        let bound = PoseBound::of(&deviations(&covariance), unit).filter(|_| navigable);
         let known = bound.map(|bound| bound.of_unit(unit));
         let latent = Latent {
             portable: self.engine.device().portable,

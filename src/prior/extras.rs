@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::error::PriorError;
 use super::key_frames::KeyFrames;
+use super::pose_trials::PoseTrials;
 use crate::filter_weights::FilterWeights;
 use crate::geometry::Lens;
 use crate::image::Preprocessing;
@@ -22,6 +23,8 @@ pub struct Extras {
     /// Doubt: how far the prior's picture may be off, splat by splat, in the prior's order. The error that a splat's
     /// part of a picture is expected to have, RMS, values of 0 to 255. Only topsides need it.
     pub doubt: Option<Vec<u8>>,
+    /// Pictures that were held out of the training, and found: how far off the encoder's poses are. Possibly none.
+    pub pose_trials: PoseTrials,
     /// The dives that the prior was trained on since it was mapped, as text.
     pub record: Option<String>,
 }

@@ -28,6 +28,7 @@ mod orientation;
 pub mod ply;
 mod ply_header;
 mod ply_row;
+mod pose_trials;
 #[allow(clippy::module_inception)]
 mod prior;
 mod replace;
@@ -53,6 +54,7 @@ pub use id::PriorId;
 pub use key_frames::KeyFrames;
 pub use options::{RenderOptions, RenderOverrides};
 pub use ply_row::PlyRow;
+pub use pose_trials::{PoseTrial, PoseTrials};
 pub use prior::Prior;
 pub use replace::replace_file;
 pub use report::{LoadReport, PriorFormat};

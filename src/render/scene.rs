@@ -29,6 +29,7 @@ pub struct Scene {
     coder_tables: Arc<Tables>,
     filter_weights: Option<Arc<FilterWeights>>,
     preprocessing: Preprocessing,
+    pose_doubt: f64,
     /// Only if it is a blocked prior.
     window: Option<Window>,
 }
@@ -59,6 +60,7 @@ impl Scene {
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
             filter_weights: prior.filter_weights().cloned(),
             preprocessing: *prior.preprocessing(),
+            pose_doubt: prior.extras().pose_trials.doubt(),
             window: None,
         })
     }
@@ -94,6 +96,7 @@ impl Scene {
             coder_tables: tables.unwrap_or_else(generic_tables),
             filter_weights: blocked.extras().filter_weights.clone(),
             preprocessing: blocked.extras().preprocessing,
+            pose_doubt: blocked.extras().pose_trials.doubt(),
             window: Some(Window::new(device, blocked, room, reader)?),
         })
     }
@@ -147,6 +150,12 @@ impl Scene {
     /// How the pictures that the prior was trained on were treated.
     pub fn preprocessing(&self) -> &Preprocessing {
         &self.preprocessing
+    }
+
+    /// How many times further off poses are in this prior than pictures tell: see
+    /// [`PoseTrials::doubt`](crate::prior::PoseTrials::doubt).
+    pub(crate) fn pose_doubt(&self) -> f64 {
+        self.pose_doubt
     }
 
     /// Where to look for a lost camera; possibly none.

@@ -10,7 +10,7 @@ use super::{
 /// How many times further off a pose may be than the blocks of the picture tell, by the share of what the prior shows
 /// that agrees: for errors that all of the picture has in common. Straight lines lie between; beyond, it stays.
 /// Chosen on dives of the basin and the quay: see docs/poses.md.
-const DOUBT: [(f64, f64); 3] = [(0.75, 4.4), (0.90, 3.4), (0.95, 2.0)];
+const DOUBT: [(f64, f64); 3] = [(0.75, 4.4), (0.90, 3.4), (0.95, 1.8)];
 
 /// What was found for a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,10 +81,11 @@ impl PoseEstimate {
     }
 
     /// How far the pose may be off, of ρ in the prior's unit and θ in radians: infinite along the axes of directions
-    /// that the picture leaves open, and along all axes if the picture does not confirm the pose.
-    pub fn stated_covariance(&self) -> Covariance {
+    /// that the picture leaves open, and along all axes if the picture does not confirm the pose. `prior_doubt`:
+    /// how many times further off poses are in the prior than pictures tell.
+    pub fn stated_covariance(&self, prior_doubt: f64) -> Covariance {
         let covariance = if self.certain { self.covariance } else { PoseCovariance::default() };
-        covariance.stated(doubt(self.agreement.share))
+        covariance.stated(prior_doubt * doubt(self.agreement.share))
     }
 
     /// Returns the result with less error, this one or the last search's. If it is this one, the last search has drawn
@@ -139,7 +140,7 @@ mod tests {
     #[test]
     fn the_less_agrees_the_greater_is_the_doubt() {
         let doubts = [0.0, 0.75, 0.825, 0.90, 0.925, 0.95, 1.0].map(doubt);
-        let wanted = [4.4, 4.4, 3.9, 3.4, 2.7, 2.0, 2.0];
+        let wanted = [4.4, 4.4, 3.9, 3.4, 2.6, 1.8, 1.8];
         let same = |(a, b): (f64, f64)| (a - b).abs() < 1e-9;
         assert!(std::iter::zip(doubts, wanted).all(same), "{doubts:?}");
     }

@@ -6,7 +6,7 @@ use super::super::{Extras, KeyFrames, PriorError};
 use super::file::Container;
 use super::part::PartName;
 use super::words::refusal;
-use super::{key_frames, lens, preprocessing};
+use super::{key_frames, lens, pose_trials, preprocessing};
 use crate::filter_weights::{FilterWeights, FilterWeightsError};
 use crate::image::Preprocessing;
 
@@ -21,6 +21,9 @@ impl Extras {
             lens: file.read_part(PartName::LENS, lens::read)?,
             filter_weights: file.read_part(PartName::FILTER, filter)?,
             doubt: file.read_part(PartName::DOUBT, |content, _| Ok(content.to_vec()))?,
+            pose_trials: file
+                .read_part(PartName::POSE_TRIALS, pose_trials::read)?
+                .unwrap_or_default(),
             record: file.read_part(PartName::RECORD, record)?,
         })
     }
@@ -35,6 +38,9 @@ impl Extras {
         file.set(PartName::LENS, own.as_ref().map(lens::to_bytes));
         file.set(PartName::FILTER, self.filter_weights.as_ref().map(|weights| weights.write()));
         file.set(PartName::DOUBT, self.doubt.clone());
+        let trials =
+            (!self.pose_trials.is_empty()).then(|| pose_trials::to_bytes(&self.pose_trials));
+        file.set(PartName::POSE_TRIALS, trials);
         file.set(PartName::RECORD, self.record.clone().map(String::into_bytes));
     }
 }

@@ -11,6 +11,7 @@ mod key_frames;
 mod lens;
 mod options;
 mod part;
+mod pose_trials;
 mod preprocessing;
 mod tables;
 mod words;

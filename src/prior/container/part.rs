@@ -43,13 +43,16 @@ impl PartName {
     /// Weights of the display filter.
     pub const FILTER: PartName = PartName::besides("filter");
     pub const DOUBT: PartName = PartName::besides("doubt");
+    /// Pictures that were held out of the training, and found.
+    pub const POSE_TRIALS: PartName = PartName::besides("trials");
     /// The dives that the prior was trained on since it was mapped.
     pub const RECORD: PartName = PartName::besides("record");
 
     #[rustfmt::skip]
-    const ALL: [PartName; 12] = [
+    const ALL: [PartName; 13] = [
         Self::OPTIONS, Self::FRAME, Self::TABLES, Self::SPLATS, Self::EXACT, Self::BLOCKS, Self::KEY_FRAMES,
-        Self::PREPROCESSING, Self::LENS, Self::FILTER, Self::DOUBT, Self::RECORD,
+        Self::PREPROCESSING, Self::LENS, Self::FILTER, Self::DOUBT, Self::POSE_TRIALS,
+        Self::RECORD,
     ];
 
     const fn covered(text: &'static str) -> PartName {

@@ -196,14 +196,14 @@ impl Tracker {
 }
 
 /// Whether a hint lies farther from the pose found than its covariance makes likely.
-pub(super) fn disagrees(hint: &Hint, found: &PoseEstimate) -> bool {
+pub(super) fn disagrees(hint: &Hint, found: &PoseEstimate, prior_doubt: f64) -> bool {
     let off = found.outcome.pose.after(&hint.pose.inverse()).log();
     let depth = found.observability.length;
     let [moved, turned] = HINT_DEVIATION;
     let usual = std::array::from_fn(|i| if i < 3 { moved * depth } else { turned });
     let stated = hint.deviation().unwrap_or(usual);
     // The found pose is not exact either.
-    let own = deviations(&found.stated_covariance());
+    let own = deviations(&found.stated_covariance(prior_doubt));
     let squares = (0..6).map(|i| {
         let own = if own[i].is_finite() { own[i] } else { return 0.0 };
         let spread = stated[i] * stated[i] + own * own + (1e-3 * usual[i]).powi(2);

@@ -58,12 +58,13 @@ impl Tracker {
             let found = self.judged(found)?;
             warm = Some(self.with_masks(found, MOSTLY)?);
         }
+        let doubt = self.objective.renderer().scene().pose_doubt();
         if let Some(found) = warm
             && (self.settles(&found)
                 || (!found.agreement.is_conclusive && !self.lost(found.outcome.mse)))
         {
             let found = match hint {
-                Some(hint) if disagrees(&hint, &found) => {
+                Some(hint) if disagrees(&hint, &found, doubt) => {
                     self.searched_from_hint(frame, found, &hint)?
                 }
                 _ => found,

@@ -8,6 +8,7 @@ use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::filter_weights::FilterWeights;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
+use nvsprior::prior::PoseTrials;
 
 use crate::key_frames;
 use crate::mission::MissionArgs;
@@ -48,6 +49,22 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     study::print(&prior, mission.as_ref(), args.tolerance, &args.device)
 }
 
+/// What is known of how far off poses are.
+fn poses(trials: &PoseTrials) -> String {
+    match trials.trials().len() {
+        0 => "how far off they are was not measured when the prior was mapped".into(),
+        count => format!(
+            "off by {:.2} times what a picture alone tells, by {count} trials of the mapping run{}",
+            trials.doubt(),
+            if trials.doubt() > PoseTrials::MAX_DOUBT {
+                ": no position is known by it"
+            } else {
+                ""
+            }
+        ),
+    }
+}
+
 fn describe(args: &Args, prior: &Prior) {
     let (splats, report, options) = (prior.splats(), prior.report(), prior.options());
     row("file", args.prior.display().to_string());
@@ -68,6 +85,7 @@ fn describe(args: &Args, prior: &Prior) {
     if let Some(focal) = options.trained_focal {
         row("trained at", format!("a focal length of {focal} pixels"));
     }
+    row("poses", poses(&prior.extras().pose_trials));
     row("background", format!("{:?}", options.background));
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let values = splats.positions.iter().map(|p| p[axis]).collect();

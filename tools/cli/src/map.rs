@@ -5,6 +5,7 @@ mod from;
 mod inputs;
 mod memory;
 mod parts;
+mod rehearsal;
 mod report;
 mod saved;
 mod shown;
@@ -33,6 +34,7 @@ use course::{Budget, Course};
 use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
 use parts::PartsRun;
+use rehearsal::{Rehearsal, Worth};
 use report::Report;
 use saved::Saved;
 use structure::{Search, StructureArgs};
@@ -79,6 +81,10 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=1000),
         conflicts_with_all = ["from", "exposure", "correct_poses"])]
     parts: Option<u16>,
+    /// Part of the training, 0 to 1, that is spent once more to learn how far off poses will be on a dive: without some
+    /// stretches of the run, whose pictures are then looked for. The prior keeps it; 0: not measured
+    #[arg(long, value_name = "SHARE", default_value_t = 0.3, value_parser = values::share)]
+    rehearsal: f32,
     /// Seed of all that is random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -145,6 +151,12 @@ impl Args {
         }
     }
 
+    /// What is spent on a rehearsal; `None`: there is none. A prior that is gone on with keeps what it was worth.
+    fn rehearsal(&self, from: &Option<Prior>) -> Option<Budget> {
+        let wanted = self.rehearsal > 0.0 && from.is_none();
+        wanted.then(|| self.budget(None).times(self.rehearsal.into()))
+    }
+
     fn save_every(&self) -> Duration {
         Duration::from_secs(self.save_every.into())
     }
@@ -191,13 +203,17 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     memory::check(&engine, &listed, &options, from.is_some())?;
     let lens = listed.train.first().map(|input| input.lens);
     let inputs = args.inputs.read(listed, &preprocessing)?;
+    let points = inputs.points.clone();
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
     report.poses = poses;
     let made = Made { args, container, render: &options.render, preprocessing, lens };
     let prior = made.write(from.as_ref(), &mapper)?;
     made.write_doubt(&engine, &prior, &mapper)?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
-    report.finish(&mut mapper, prior.len(), forward)?;
+    let rehearsal = Rehearsal { engine: &engine, options: &options, budget: args.rehearsal(&from) };
+    let worth = rehearsal.run(&prior, &mapper, &points)?;
+    made.write_trials(&worth);
+    report.finish(&mut mapper, prior.len(), forward, worth.as_ref())?;
     args.device.check(&engine)
 }
 
@@ -285,6 +301,8 @@ impl Made<'_> {
             lens: from.and_then(|prior| prior.extras().lens).or(lens),
             filter_weights: from.and_then(|prior| prior.filter_weights().cloned()),
             doubt: None,
+            pose_trials: from
+                .map_or_else(Default::default, |from| from.extras().pose_trials.clone()),
             record: from.map(record).transpose()?.flatten(),
         };
         let coder_tables = from.and_then(|prior| prior.coder_tables()).map(AsRef::as_ref);
@@ -308,14 +326,31 @@ impl Made<'_> {
         let pictures = mapper.views().iter().zip(mapper.poses().iter().copied());
         let bar = progress(pictures.len(), "doubt");
         let doubt = Some(doubt_of(engine, prior, pictures, &mut || bar.inc(1))?);
-        let add = || {
-            let file = PriorFile::open(&self.args.out, None)?;
-            file.save_extras(&Extras { doubt, ..prior.extras().clone() })
-        };
         // The prior is there, and is worth more.
-        if let Err(error) = add() {
+        if let Err(error) = self.add(|extras| extras.doubt = doubt) {
             eprintln!("warning: {error:#}; `nvsprior doubt` adds it later");
         }
+        Ok(())
+    }
+
+    /// Adds what a rehearsal came to. A `.ply` has no place for it.
+    fn write_trials(&self, worth: &Option<Worth>) {
+        let Some(worth) = worth else { return };
+        let trials = worth.trials();
+        if let Err(error) = self.add(|extras| extras.pose_trials = trials) {
+            eprintln!("warning: {error:#}; the prior does not say how far off poses will be");
+        }
+    }
+
+    /// Changes what the written prior holds besides its splats.
+    fn add(&self, change: impl FnOnce(&mut Extras)) -> anyhow::Result<()> {
+        let prior = Prior::open(&self.args.out, &Default::default())?;
+        if !prior.report().format.is_own() {
+            return Ok(());
+        }
+        let mut extras = prior.extras().clone();
+        change(&mut extras);
+        PriorFile::open(&self.args.out, None)?.save_extras(&extras)?;
         Ok(())
     }
 }

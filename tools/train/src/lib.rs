@@ -13,6 +13,7 @@ mod fit;
 pub mod key_frames;
 pub mod mapper;
 pub mod parts;
+pub mod pose_trials;
 mod posed_picture;
 pub mod removal;
 pub mod samples;

@@ -179,7 +179,7 @@ impl PartsRun<'_> {
         ply::write_ply(&splats, &options.render, &none, &raw, &mut bytes)?;
         replace_file(&done, &bytes)?;
         saved::remove(&out)?;
-        report.finish(&mut mapper, splats.len(), forward)?;
+        report.finish(&mut mapper, splats.len(), forward, None)?;
         Ok(splats)
     }
 

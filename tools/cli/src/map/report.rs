@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 use super::inputs::HeldOut;
+use super::rehearsal::Worth;
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Steps whose time counts: the last ones, with all splats in use.
@@ -129,7 +130,9 @@ impl Report {
         let splits = self.by_split(&point);
         let shown: Vec<_> =
             splits.iter().map(|(split, psnr)| format!("{split} {psnr:.2} dB")).collect();
-        eprintln!("step {step}, {:.0} s, {splats} splats: {}", point.seconds, shown.join(", "));
+        if !shown.is_empty() {
+            eprintln!("step {step}, {:.0} s, {splats} splats: {}", point.seconds, shown.join(", "));
+        }
         self.points.push(point);
         let Some(folder) = self.folder.clone() else { return Ok(()) };
         let written = self
@@ -225,12 +228,13 @@ impl Report {
         })
     }
 
-    /// Writes the figures. `forward`: seconds of a forward render of the prior.
+    /// Writes the figures. `forward`: seconds of a forward render of the prior; `worth`: what a rehearsal came to.
     pub fn finish(
         &mut self,
         mapper: &mut Mapper,
         splats: usize,
         forward: f64,
+        worth: Option<&Worth>,
     ) -> anyhow::Result<()> {
         let trained = self.trained_psnr(mapper)?;
         let doubt = self.doubt(trained);
@@ -252,6 +256,7 @@ impl Report {
         let mut report = Poses::json(self.poses.as_ref());
         let training = json!({
             "held_out_psnr": self.psnr(),
+            "expected_pose_error": worth.map(Worth::json),
             "trained_psnr": trained,
             "held_out_doubtful": doubt,
             "held_out_psnr_by_split": splits,

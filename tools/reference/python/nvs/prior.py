@@ -169,7 +169,7 @@ def read_ply(data):
 
 
 KNOWN = dict.fromkeys(["options", "frame", "tables", "splats", "exact", "blocks"], 3)
-KNOWN |= dict.fromkeys(["keys", "treated", "lens", "filter", "doubt", "record"], 0)
+KNOWN |= dict.fromkeys(["keys", "treated", "lens", "filter", "doubt", "trials", "record"], 0)
 
 
 def _container(data, magic):
