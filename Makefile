@@ -14,7 +14,7 @@ ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
 	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables \
-	wheel wheel-aarch64 python-test
+	wheel wheel-aarch64 python-test frame-times
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -67,6 +67,8 @@ help:
 	@echo "make shaders-check  rebuild them elsewhere and compare"
 	@echo "make device-report  measure this machine's Vulkan device, at most 8 minutes once built: docs/devices.md;"
 	@echo "                    report and page in target/device-report/; DEVICE=NAME chooses another device"
+	@echo "make frame-times    most and 99 % of frame times, lost, in darkness and silt, without a bound and with one;"
+	@echo "                    MS=N: the bound; PRIOR and CAMERAS: of other frames than the demo's"
 	@echo "make gpu-check      ask a GPU's compiler about them, without a GPU: docs/gpu.md; RENEW=1 renews its table"
 
 # A program of its own, by the profile that compiles fast. `nvsprior demo` does the same.
@@ -297,6 +299,11 @@ gpu-check:
 	@scripts/setup.sh gpu-check
 	cargo build $(ALL) --bin gpu-check
 	$${CARGO_TARGET_DIR:-target}/debug/gpu-check $(if $(RENEW),--renew)
+
+frame-times: $(if $(PRIOR),,demo)
+	cargo run --release --bin nvsprior -- bench --frame-times \
+		--prior $(or $(PRIOR),demo-out/prior.ply) --cameras $(or $(CAMERAS),demo-out/T1/cameras.json) \
+		--report target/frame-times $(if $(MS),--frame-time $(MS))
 
 device-report:
 	@scripts/setup.sh run

@@ -34,7 +34,7 @@ error
 tracking
 engine modem
 error_kind
-encoded
+encoded frame_time
 frame_work
 encoder decoder doubt_view
 pipeline

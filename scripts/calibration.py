@@ -36,7 +36,8 @@ def drawn(out, frames):
     for name, number in DIVES:
         folder = out / f"{name}-{number}"
         if not folder.exists():
-            run("demo", "--run", name, "--dive", number, "--draw-only", "--frames", frames, "--rate", 3, "--out", folder)
+            run("demo", "--run", name, "--dive", number, "--draw-only", "--frames", frames, "--rate", 3,
+                "--out", folder)
         cameras = folder / name / "cameras.json"
         run_of = ("--prior", PRIOR, "--cameras", cameras)
         yield from bench(f"poses-{name}-{number}", out, *run_of)

@@ -59,6 +59,9 @@ pub struct FrameStats {
     /// Whether the picture confirms the pose. While it does not, the pose is looked for again at every
     /// frame.
     pub certain: bool,
+    /// Whether the frame's time ended its search, which then goes on in the next frames:
+    /// [`EncoderOptions::frame_time`](crate::EncoderOptions::frame_time).
+    pub out_of_time: bool,
     /// Whether the device draws what every portable device draws: see [`crate::vulkan::DeviceInfo::portable`].
     pub portable: bool,
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is

@@ -1,8 +1,11 @@
 //! The vehicle's side: frames in, packets out.
 
-use std::sync::Arc;
-use std::time::Instant;
+mod measured;
 
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::frame_time::FrameTime;
 use crate::frame_work::{Coders, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{
@@ -10,14 +13,18 @@ use crate::packet::{
     SentPoses, Session,
 };
 use crate::prior::PoseTrials;
+use crate::queue::Interrupt;
 use crate::render::{Plan, Scene};
 use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
 };
 use crate::tracking::{
-    Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker, deviations,
+    Clock, Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
+    deviations,
 };
 use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
+
+use measured::Coding;
 
 /// How to encode.
 #[derive(Clone, Debug)]
@@ -59,6 +66,13 @@ pub struct EncoderOptions {
     /// Packets tell how far the picture is from what the camera saw: see [`crate::truth`]. Not with WebP, and not if
     /// there is no [`rate`](EncoderOptions::rate).
     pub truth: bool,
+    /// Most time that a frame takes, from [`Encoder::encode`] to its packet; `None`: as long as its search takes. Once
+    /// it is up, the best pose so far is drawn, coded and sent. The search goes on in the next frames. What one render
+    /// and one coding take is measured when the encoder is made, which also has the driver compile. With Gauss–Newton
+    /// only. With it the same frames need not give the same packets; any of them decodes to the same picture anywhere.
+    pub frame_time: Option<Duration>,
+    /// The clock that [`frame_time`](EncoderOptions::frame_time) goes by: the system's, or one of a test.
+    pub clock: Clock,
     /// Frames come already treated as the prior's [`preprocessing`](crate::Prior::preprocessing) says. The encoder then
     /// leaves them as they are; else it treats them.
     pub frames_treated: bool,
@@ -86,6 +100,8 @@ impl Default for EncoderOptions {
             factors: vec![1, 2, 4, 8],
             predict_poses: false,
             truth: true,
+            frame_time: None,
+            clock: Clock::default(),
             frames_treated: false,
         }
     }
@@ -118,6 +134,9 @@ pub struct Encoder {
     poses: Option<SentPoses>,
     /// The last time that a frame stated.
     time: Option<f64>,
+    /// `None`: frames take as long as their search takes.
+    frame_time: Option<FrameTime>,
+    interrupt: Interrupt,
 }
 
 impl Encoder {
@@ -131,9 +150,12 @@ impl Encoder {
         if options.mode != Mode::Intra && options.residual != ResidualCoder::Wavelet {
             return Err(Error::StreamCoder);
         }
-        let objective = objective(engine, scene, camera, &options)?;
+        let interrupt = Interrupt::default();
+        let made = objective(engine, scene, camera, &options, &interrupt)?;
+        let (objective, frame_time) = timed(made, engine, camera, &options)?;
         let (threshold, profile) = (options.threshold, options.profile.word());
-        let tracker = Tracker::new(objective, options.refine, threshold, profile);
+        let mut tracker = Tracker::new(objective, options.refine, threshold, profile);
+        tracker.set_clock(&options.clock);
         Ok(Encoder {
             engine: engine.clone(),
             scene: scene.clone(),
@@ -155,6 +177,8 @@ impl Encoder {
             stream_ended: false,
             acknowledged: Acknowledged::default(),
             time: None,
+            frame_time,
+            interrupt,
         })
     }
 
@@ -180,8 +204,10 @@ impl Encoder {
     pub(crate) fn set_view(&mut self, camera: &Camera, mask: Option<Mask>) -> Result<(), Error> {
         let mask = checked(mask, camera)?;
         if *camera != self.camera {
-            let objective = objective(&self.engine, &self.scene, camera, &self.options)?;
+            let made = self.objective(&self.engine, &self.scene, camera)?;
+            let (objective, frame_time) = timed(made, &self.engine, camera, &self.options)?;
             self.tracker.replace(objective);
+            self.frame_time = frame_time;
             let same_size =
                 (camera.width, camera.height) == (self.camera.width, self.camera.height);
             self.camera = *camera;
@@ -237,12 +263,30 @@ impl Encoder {
         if expected != found {
             return Err(Error::PriorChanged { expected, found });
         }
-        self.tracker.replace(objective(engine, scene, &self.camera, &self.options)?);
+        let made = self.objective(engine, scene, &self.camera)?;
+        let (objective, frame_time) = timed(made, engine, &self.camera, &self.options)?;
+        self.tracker.replace(objective);
+        self.frame_time = frame_time;
         self.tracker.set_mask(self.mask.clone());
         (self.engine, self.scene) = (engine.clone(), scene.clone());
         self.preprocessor = preprocessor(scene, &self.options);
         self.coders.begin_streams(&self.residual_setup());
         Ok(())
+    }
+
+    fn objective(
+        &self,
+        engine: &Engine,
+        scene: &Arc<Scene>,
+        camera: &Camera,
+    ) -> Result<Objective, Error> {
+        objective(engine, scene, camera, &self.options, &self.interrupt)
+    }
+
+    /// What ends a frame under way, from any thread.
+    #[cfg(feature = "capi")]
+    pub(crate) fn interrupt(&self) -> &Interrupt {
+        &self.interrupt
     }
 
     /// States the session with the next packet. In a stream its frame is intra. Call it if a topside asks what the
@@ -335,6 +379,7 @@ impl Encoder {
     /// Treats a frame, finds its pose and draws it. Changes nothing that the next frame goes on from.
     fn track(&mut self, work: &mut FrameWork) -> Result<PoseEstimate, Error> {
         let since = Instant::now();
+        let deadline = self.frame_time.as_ref().map(FrameTime::deadline);
         self.check_frame(&work.frame)?;
         let info = work.info;
         self.check_info(&info)?;
@@ -353,6 +398,9 @@ impl Encoder {
         if let Some(mask) = &self.mask {
             mask.level_out(&mut work.frame);
         }
+        self.tracker.set_deadline(deadline);
+        self.tracker.set_costs(self.frame_time.as_ref().map(|time| time.costs).unwrap_or_default());
+        work.coding = self.frame_time.as_ref().map(|time| time.coding.clone());
         let found = self.tracker.track(&work.frame, &info)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
@@ -404,6 +452,7 @@ impl Encoder {
         stats.observability = found.observability;
         (stats.covariance, stats.known) = (covariance, known);
         stats.certain = found.certain;
+        stats.out_of_time = self.tracker.out_of_time();
         stats.portable = latent.portable;
         stats.frames_since_certain = frames_since_certain;
         stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
@@ -592,6 +641,7 @@ fn objective(
     scene: &Arc<Scene>,
     camera: &Camera,
     options: &EncoderOptions,
+    interrupt: &Interrupt,
 ) -> Result<Objective, Error> {
     camera.check()?;
     let search = options.refine.optimizer == Optimizer::GaussNewton;
@@ -604,5 +654,24 @@ fn objective(
         depths: options.mode != Mode::Intra,
         profiled: false,
     };
-    Ok(Objective::new(engine.renderer(scene, camera, plan)?))
+    let mut renderer = engine.renderer(scene, camera, plan)?;
+    renderer.set_interrupt(interrupt);
+    Ok(Objective::new(renderer))
+}
+
+/// Measures what frames take with an objective, if their time is bounded.
+fn timed(
+    mut objective: Objective,
+    engine: &Engine,
+    camera: &Camera,
+    options: &EncoderOptions,
+) -> Result<(Objective, Option<FrameTime>), Error> {
+    let Some(most) = options.frame_time else { return Ok((objective, None)) };
+    if options.refine.optimizer != Optimizer::GaussNewton {
+        return Err(Error::FrameTimeOptimizer);
+    }
+    let setup = &residual_setup(engine, objective.renderer().scene(), camera, options);
+    let how = Coding { setup, rate: options.rate, has_truth: has_truth(options) };
+    let time = measured::frame_time(most, &mut objective, camera, &how, &options.clock)?;
+    Ok((objective, Some(time)))
 }

@@ -49,8 +49,8 @@ pub enum Error {
     )]
     HintFar { frame: u32, distance: f64 },
     #[error(
-        "frame {frame}: the covariance of the pose from outside is not symmetric, positive semidefinite, and finite but \
-         for open axes"
+        "frame {frame}: the covariance of the pose from outside is not symmetric, positive semidefinite, and finite \
+         but for open axes"
     )]
     HintCovariance { frame: u32 },
     #[error("frame {frame}: the pose from outside is {age} s old: must be finite and not negative")]
@@ -59,6 +59,15 @@ pub enum Error {
     FrameTime { frame: u32, time: f64 },
     #[error("frame {frame}: its time, {time} s, lies before that of an earlier frame, {before} s")]
     FrameTimeBack { frame: u32, time: f64, before: f64 },
+    #[error(
+        "a most time of {most:.1} ms per frame: one render and one coding take {least:.1} ms on this device: allow \
+         at least that"
+    )]
+    FrameTimeShort { most: f64, least: f64 },
+    #[error(
+        "a most time per frame takes Gauss-Newton: leave out the time, or choose that optimizer"
+    )]
+    FrameTimeOptimizer,
     #[error("prior {found} in place of {expected}")]
     PriorChanged { expected: crate::PriorId, found: crate::PriorId },
     #[error("no thread for coding differences: {0}")]

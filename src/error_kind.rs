@@ -103,7 +103,9 @@ impl Error {
             | Error::HintCovariance { .. }
             | Error::HintAge { .. }
             | Error::FrameTime { .. }
-            | Error::FrameTimeBack { .. } => ErrorKind::Argument,
+            | Error::FrameTimeBack { .. }
+            | Error::FrameTimeShort { .. }
+            | Error::FrameTimeOptimizer => ErrorKind::Argument,
         }
     }
 }
@@ -120,6 +122,7 @@ impl vulkan::Error {
             | E::NoValidationLayer => ErrorKind::NoDevice,
             E::DeviceLost { .. } | E::Hung { .. } => ErrorKind::DeviceLost,
             E::Unread(error) => error.downcast_ref().map_or(ErrorKind::Prior, PriorError::kind),
+            E::Interrupted => ErrorKind::State,
             error if error.is_out_of_memory() => ErrorKind::Memory,
             _ => ErrorKind::Vulkan,
         }

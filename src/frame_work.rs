@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::frame_time::CodingTime;
 use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual, Session};
 use crate::residual::{
@@ -40,6 +41,8 @@ pub(crate) struct FrameWork {
     /// Depths of the render; in streams only.
     pub depths: Vec<f32>,
     pub pose: Pose,
+    /// Where the time of coding is noted; `None`: nowhere.
+    pub coding: Option<CodingTime>,
     /// As far as they are known.
     pub stats: FrameStats,
     pub encoded: Encoded,
@@ -66,9 +69,13 @@ impl FrameWork {
 
     /// Codes the frame's difference picture. Writes the packet and the picture that the topside will show to `encoded`.
     pub fn code(&mut self, coders: &mut Coders) -> Result<(), Error> {
+        let begun = self.coding.as_ref().map(CodingTime::now);
         let mut encoded = std::mem::take(&mut self.encoded);
         let coded = self.code_into(coders, &mut encoded);
         self.encoded = encoded;
+        if let (Some(coding), Some(begun)) = (&self.coding, begun) {
+            coding.note(begun);
+        }
         coded
     }
 

@@ -57,6 +57,7 @@ mod encoder;
 mod engine;
 mod error;
 mod error_kind;
+mod frame_time;
 mod frame_work;
 mod pipeline;
 mod queue;

@@ -61,6 +61,28 @@ impl Lost {
     }
 }
 
+/// Ends work that is under way, from any thread. All who hold it share it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Has the work end.
+    #[cfg(feature = "capi")]
+    pub(crate) fn set(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Lets work go on from here.
+    #[cfg(feature = "capi")]
+    pub(crate) fn clear(&self) {
+        self.0.store(false, Ordering::Relaxed);
+    }
+
+    pub(crate) fn is_set(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
 /// A frame on its way.
 struct Slot<S, E> {
     content: S,

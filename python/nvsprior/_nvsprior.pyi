@@ -206,6 +206,8 @@ class Encoded:
     @property
     def truth_bytes(self) -> int: ...
     @property
+    def out_of_time(self) -> bool: ...
+    @property
     def start(self) -> str: ...
     @property
     def full_renders(self) -> int: ...
@@ -237,6 +239,8 @@ class Encoder:
         first_frame: int = 0,
         predict_poses: bool = False,
         truth: bool = True,
+        lost_renders: int = 96,
+        frame_time: float | None = None,
         frames_treated: bool = False,
     ) -> Encoder: ...
     def encode(

@@ -45,6 +45,8 @@ pub struct PyEncoded {
     /// Within how much the position is known: standard deviations of position (the prior's unit) and rotation (radians)
     /// along and about any axis of the camera; None: it is not known.
     known: Option<(f64, f64)>,
+    /// Whether the frame's time ended its search, which goes on in the next frames.
+    out_of_time: bool,
     /// Number of the frame that this one is predicted from; None: it is intra.
     reference: Option<u32>,
     /// Whether the rate was kept.
@@ -65,8 +67,9 @@ pub struct PyEncoded {
 
 impl PyEncoded {
     fn new(py: Python, encoded: &Encoded, picture: Py<PyAny>) -> PyResult<PyEncoded> {
-        let FrameStats { frame, render_psnr, psnr, certain, reference, .. } = encoded.stats;
-        let FrameStats { rate_kept, latent_bytes, truth_bytes, start, .. } = encoded.stats;
+        let FrameStats { frame, render_psnr, psnr, certain, out_of_time, .. } = encoded.stats;
+        let FrameStats { reference, rate_kept, latent_bytes, truth_bytes, start, .. } =
+            encoded.stats;
         let FrameStats { full_renders, refine_milliseconds, code_milliseconds, .. } = encoded.stats;
         let rows = encoded.stats.covariance.map(Vec::from);
         Ok(PyEncoded {
@@ -79,6 +82,7 @@ impl PyEncoded {
             certain,
             covariance: PyArray2::from_vec2(py, &rows)?.unbind(),
             known: encoded.stats.known.map(|known| (known.position, known.rotation)),
+            out_of_time,
             reference,
             rate_kept,
             latent_bytes,
@@ -117,6 +121,10 @@ impl PyEncoded {
 /// - `camera_interval`, `check_interval`: frames after which the camera, and a check of the render, are sent again; 0:
 ///   never. `first_frame`: number of the first frame.
 /// - `truth`: packets have truth maps.
+/// - `lost_renders`: most renders that a frame takes beside its first search; a step that would take more is cut short
+///   or left out, and the next frames go on. 0: search from the frame before and from hints alone.
+/// - `frame_time`: most time that a frame takes, milliseconds; None: as long as its search takes. It must hold one
+///   render and one coding, which are measured here. `Encoded.out_of_time` tells whether it ended a search.
 /// - `frames_treated`: frames come treated as the prior's preprocessing says.
 #[pyclass(frozen, module = "nvsprior", name = "Encoder")]
 pub struct PyEncoder(Handle<Content>);
@@ -135,7 +143,7 @@ impl PyEncoder {
         residual = Some("wavelet"), stream = None, key_every = 16, tune = "psnr", profile = "compact",
         optimizer = "gauss-newton", threshold = 1e-3, camera_interval = 64,
         check_interval = 0, first_frame = 0, predict_poses = false, truth = true,
-        frames_treated = false))]
+        lost_renders = 96, frame_time = None, frames_treated = false))]
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn new(
         py: Python,
@@ -157,6 +165,8 @@ impl PyEncoder {
         first_frame: u32,
         predict_poses: bool,
         truth: bool,
+        lost_renders: u32,
+        frame_time: Option<f64>,
         frames_treated: bool,
     ) -> PyResult<PyEncoder> {
         if !(threshold.is_finite() && threshold >= 0.0) {
@@ -178,10 +188,12 @@ impl PyEncoder {
             first_frame,
             predict_poses,
             truth,
+            frame_time: frame_time.map(options::frame_time).transpose()?,
             frames_treated,
             ..EncoderOptions::default()
         };
         how.refine.optimizer = options::optimizer(optimizer)?;
+        how.refine.lost_renders = lost_renders;
         let encoder = detached(py, || {
             let scene = engine.scene(&prior.0)?;
             Ok(Encoder::new(&engine.engine, &scene, &camera.0, how)?)

@@ -1,5 +1,7 @@
 //! Options by their names.
 
+use std::time::Duration;
+
 use nvsprior::packet::PoseProfile;
 use nvsprior::residual::{ResidualCoder, Tune};
 use nvsprior::tracking::Optimizer;
@@ -38,6 +40,14 @@ pub fn rate(
         }
         rate => Ok(Some(rate)),
     }
+}
+
+/// A time in milliseconds.
+pub fn frame_time(milliseconds: f64) -> Result<Duration, Failure> {
+    let time = Duration::try_from_secs_f64(milliseconds / 1e3);
+    let time = time.ok().filter(|time| !time.is_zero());
+    let wrong = format!("frame_time: {milliseconds} ms, must be finite and above 0");
+    time.ok_or_else(|| Failure::argument(wrong))
 }
 
 pub fn mode(stream: Option<&str>, key_every: u32) -> Result<Mode, Failure> {

@@ -27,6 +27,11 @@ def test_both_sides_have_the_same_pictures(engine, prior, camera, poses, frames)
         assert np.array_equal(encoded.picture, decoded.picture)
         assert encoded.pose == decoded.pose
         assert encoded.certain and decoded.certain and decoded.damage is None
+        assert encoded.known == decoded.known and encoded.known[0] > 0
+        deviation = np.sqrt(np.diag(encoded.covariance))
+        assert encoded.covariance.shape == (6, 6)
+        assert (deviation[:3] <= encoded.known[0]).all() and (deviation[3:] <= encoded.known[1]).all()
+        nvsprior.Hint(encoded.pose, covariance=encoded.covariance)
         assert encoded.psnr > encoded.render_psnr > 15
         assert decoded.truth.shape == (6, 10) and decoded.truth.dtype == np.uint8
     assert decoder.camera == camera == encoder.camera
@@ -137,7 +142,7 @@ def told(decoded: nvsprior.Decoded) -> dict:
     """What the manifest says of a frame, but for the words for damage and the truth map."""
     value = {"frame": decoded.frame, "md5": md5(decoded.picture.tobytes())}
     value |= {"uncertain": not decoded.certain, "kept": decoded.kept, "portable": decoded.portable}
-    value |= {"damaged": decoded.damage is not None}
+    value |= {"damaged": decoded.damage is not None, "known": decoded.known and list(decoded.known)}
     for name in ("same_render", "reference"):
         value[name] = getattr(decoded, name)
     return value
@@ -146,7 +151,7 @@ def told(decoded: nvsprior.Decoded) -> dict:
 def expected_of(record: dict) -> dict:
     value = {"frame": record["frame"], "md5": record["md5"], "damaged": "damage" in record}
     value |= {"uncertain": record.get("uncertain", False), "kept": record.get("kept", False)}
-    value["portable"] = record.get("portable", True)
+    value |= {"portable": record.get("portable", True), "known": record.get("known")}
     for name in ("same_render", "reference"):
         value[name] = record.get(name)
     return value

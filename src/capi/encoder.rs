@@ -108,8 +108,10 @@ pub struct nvsp_encoder_options {
     /// Send a check of the prior's render (6 bytes) with the first frame, and again after this many
     /// frames. It tells the topside whether its render is the same. 0: never.
     pub check_interval: u32,
-    /// Renders of the prior, of any size, that one frame may take to search afresh for its pose. A search that has
-    /// begun is finished, even if it takes more. If the frame finds no pose, the next frame searches again. 0: 96.
+    /// Most renders of the prior, of any size, that one frame takes beside its first search, the picture that is sent
+    /// included. The first search starts from the frame before, or from a hint if there is none. A step that would take
+    /// more is cut short or left out, and the next frames go on. A pose whose search was cut short is not certain. 0:
+    /// 96.
     pub lost_renders: u32,
     /// NVSP_RESIDUAL_*: the coder of the difference picture.
     pub residual: u32,
@@ -136,8 +138,15 @@ pub struct nvsp_encoder_options {
     /// NVSP_TUNE_*: what counts when bits are given to one part of the difference picture and taken from another. The
     /// topside needs not know. NVSP_RESIDUAL_WEBP does not look at it.
     pub tune: u32,
+    /// Most time that a frame takes, from its image to its packet, milliseconds, without scaling and conversion. Once
+    /// it is up, the best pose so far is drawn, coded and sent, and the search goes on in the next frames. What one
+    /// render and one coding take is measured when the encoder is made, which also has the driver compile; a time below
+    /// that fails with NVSP_ERR_ARGUMENT, and the text says what is needed. Only with NVSP_OPTIMIZER_GAUSS_NEWTON. With
+    /// it the same frames need not give the same packets; each decodes to the same picture everywhere. 0: a frame takes
+    /// as long as its search takes.
+    pub frame_time: f32,
 }
-versioned!(nvsp_encoder_options, 80);
+versioned!(nvsp_encoder_options, 84);
 
 /// The picture does not confirm the pose.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
@@ -151,6 +160,9 @@ pub const NVSP_FRAME_UNDETERMINED: u32 = 8;
 /// The position is known within position_deviation and rotation_deviation. Navigate by no other: that the picture is
 /// confirmed (NVSP_FRAME_UNCERTAIN is not set) does not say where the camera is.
 pub const NVSP_FRAME_POSITION_KNOWN: u32 = 16;
+
+/// The frame's time ended its search: see nvsp_encoder_options.frame_time. The search goes on in the next frames.
+pub const NVSP_FRAME_OUT_OF_TIME: u32 = 32;
 
 /// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 /// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
@@ -200,8 +212,8 @@ pub struct nvsp_frame_stats {
     pub start: u32,
     /// NVSP_STOP_*: why the refinement ended.
     pub stop: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE and
-    /// NVSP_FRAME_POSITION_KNOWN bits.
+    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE,
+    /// NVSP_FRAME_POSITION_KNOWN and NVSP_FRAME_OUT_OF_TIME bits.
     pub flags: u32,
     /// NVSP_STATE_*.
     pub state: u32,
@@ -243,7 +255,8 @@ versioned!(nvsp_frame_stats, 456);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
-/// quay. Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
+/// quay. With nvsp_encoder_options.frame_time the driver compiles here, and one render and one coding are measured.
+/// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is
 /// the engine's.
@@ -337,6 +350,13 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
     if options.lost_renders > 0 {
         made.refine.lost_renders = options.lost_renders;
     }
+    made.frame_time = match options.frame_time {
+        0.0 => None,
+        time if time > 0.0 && time.is_finite() => {
+            Some(Duration::from_secs_f64(f64::from(time) / 1e3))
+        }
+        _ => return Err(Failure::argument("nvsp_encoder_options.frame_time")),
+    };
     match options.threshold {
         0.0 => {}
         threshold if threshold > 0.0 && threshold.is_finite() => made.threshold = threshold.into(),
@@ -707,8 +727,9 @@ pub unsafe extern "C" fn nvsp_encode_finish(
 }
 
 /// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
-/// NVSP_OK if the encoder is free again, else NVSP_PENDING. The device then still works on the frame, at most as long
-/// as the watchdog allows; its packet is dropped when it has ended. Until then, other calls fail with
+/// NVSP_OK if the encoder is free again, else NVSP_PENDING. The search then ends with what the device is at, a few
+/// renders, at most as long as the watchdog allows; a coding that has begun goes on to its end. Until then, other calls
+/// fail with
 /// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A dropped
 /// frame counts as one whose packet was lost. Its number is used up. The next search may start at its pose. The next
 /// packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
@@ -800,6 +821,7 @@ fn write(
             | flag(!stats.rate_kept, NVSP_FRAME_RATE_MISSED)
             | flag(loose, NVSP_FRAME_UNDETERMINED)
             | flag(stats.known.is_some(), NVSP_FRAME_POSITION_KNOWN)
+            | flag(stats.out_of_time, NVSP_FRAME_OUT_OF_TIME)
             | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
         state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
         render_psnr: stats.render_psnr,

@@ -6,8 +6,8 @@ use std::time::Duration;
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
 use crate::image::{Converter, ImageView, Mask};
-use crate::queue::{Lost, Queue, Worker};
-use crate::{Camera, Encoded, Encoder, Error, FrameInfo};
+use crate::queue::{Interrupt, Lost, Queue, Worker};
+use crate::{Camera, Encoded, Encoder, Error, FrameInfo, vulkan};
 
 use super::dmabuf::Readings;
 use super::frame::refused;
@@ -51,6 +51,7 @@ pub(super) struct Encoding {
     core: Arc<Mutex<Core>>,
     converter: Arc<Mutex<Converter>>,
     queue: Queue<FrameWork, Failure>,
+    interrupt: Interrupt,
     /// Packets that told the camera.
     lost: Lost,
     /// Whether two frames may be under way.
@@ -76,6 +77,7 @@ impl Encoding {
         let cold = slots + 1;
         let converter = Arc::new(Mutex::new(converter));
         let optics = Optics::default();
+        let interrupt = encoder.interrupt().clone();
         let (own, most_cold) = (converter.clone(), cold);
         let core = Core { encoder, converter: own, optics, limits, cold, most_cold };
         let core = Arc::new(Mutex::new(core));
@@ -93,6 +95,7 @@ impl Encoding {
             core,
             converter,
             queue,
+            interrupt,
             lost,
             two,
             last: Encoded::with_room(width, height),
@@ -107,6 +110,8 @@ impl Encoding {
             true => self.queue.check_first_worker()?,
             false => self.queue.check_idle()?,
         }
+        // What was cancelled has ended its search.
+        self.interrupt.clear();
         let mut core = locked(&self.core)?;
         core.announce_if(&self.lost);
         Ok(core)
@@ -156,9 +161,13 @@ impl Encoding {
         Ok(done_or_pending(taken))
     }
 
-    /// Drops what was begun. Tells whether it has ended.
+    /// Drops what was begun, and has its search end. Tells whether it has ended.
     pub(super) fn cancel(&mut self) -> nvsp_status {
-        done_or_pending(self.queue.cancel())
+        let ended = self.queue.cancel();
+        if !ended {
+            self.interrupt.set();
+        }
+        done_or_pending(ended)
     }
 
     /// The frame finished last.
@@ -188,7 +197,8 @@ fn encode(core: &Arc<Mutex<Core>>, lost: &Lost) -> Worker<FrameWork, Failure> {
         core.announce_if(&lost);
         let _memory = core.memory()?;
         core.encoder.check_info(&work.info).map_err(refused)?;
-        core.encoder.encode_filled(work)?;
+        let encoded = core.encoder.encode_filled(work);
+        core.note_interrupted(encoded)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
     })
@@ -207,7 +217,8 @@ fn search_and_code(
         core.announce_if(&lost);
         let _memory = core.memory()?;
         core.encoder.check_info(&work.info).map_err(refused)?;
-        core.encoder.track_filled(work)?;
+        let tracked = core.encoder.track_filled(work);
+        core.note_interrupted(tracked)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
     };
@@ -231,6 +242,14 @@ impl Core {
         if lost.take() {
             self.encoder.announce();
         }
+    }
+
+    /// The number of a frame that was cancelled is used up.
+    fn note_interrupted(&mut self, done: Result<(), Error>) -> Result<(), Error> {
+        if let Err(Error::Vulkan(vulkan::Error::Interrupted)) = done {
+            self.encoder.skip(1);
+        }
+        done
     }
 
     /// Sets memory aside for the next call, unless all that it takes is there.

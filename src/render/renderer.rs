@@ -6,6 +6,7 @@ use bytemuck::Zeroable;
 
 use crate::image::Mask;
 use crate::prior::blocked::Block;
+use crate::queue::Interrupt;
 use crate::search::{self, LEVELS, Placement, PoseCode, Program, STARTS, Search};
 use crate::shared::{self, CELL, Counters, PIXEL, SUMS, TILE};
 use crate::vulkan::{CommandCounts, Commands, Device, Error, Recorder, StageTime, Timing};
@@ -126,6 +127,7 @@ pub struct Renderer {
     drawn_at: Option<Pose>,
     /// Of the last search, over its submissions, if the plan is profiled.
     search_stages: Vec<StageTime>,
+    interrupt: Interrupt,
 }
 
 /// How much room to make for `pairs` pairs: some to spare, but no more than storage buffers of `storage_range` bytes
@@ -171,6 +173,7 @@ impl Renderer {
             times: Vec::with_capacity(TIMED_EVALUATIONS),
             drawn_at: None,
             search_stages: Vec::new(),
+            interrupt: Interrupt::default(),
             recorded: Vec::new(),
             held,
             levels,
@@ -179,6 +182,11 @@ impl Renderer {
         renderer.recorded = renderer.record_all(&renderer.work)?;
         renderer.levels.set_room(pairs);
         Ok(renderer)
+    }
+
+    /// Sets what ends work between two submissions, with [`Error::Interrupted`].
+    pub(crate) fn set_interrupt(&mut self, interrupt: &Interrupt) {
+        self.interrupt = interrupt.clone();
     }
 
     fn record_all(&self, work: &Workspace) -> Result<Vec<(Job, Commands)>, Error> {
@@ -249,6 +257,9 @@ impl Renderer {
     }
 
     fn submit(&mut self, job: Job) -> Result<(), Error> {
+        if self.interrupt.is_set() {
+            return Err(Error::Interrupted);
+        }
         let commands = self.recorded.iter_mut().find(|(recorded, _)| *recorded == job);
         commands.expect("only what was planned is asked for").1.run()
     }
@@ -705,6 +716,11 @@ impl Renderer {
     /// Renders so far, by level. What was done again for lack of room counts once.
     pub fn renders(&self) -> &[u32] {
         &self.renders
+    }
+
+    /// Renders so far, of all levels.
+    pub(crate) fn all_renders(&self) -> u64 {
+        self.renders.iter().map(|count| u64::from(*count)).sum()
     }
 
     /// What is recorded for a search; `None` if the plan has none.

@@ -3,89 +3,15 @@
 use crate::Pose;
 use crate::render::NormalEquations;
 use crate::render::levels::{placement, pose_of};
-use crate::search::{LEVELS, Placement, Program, STARTS, STOP_NO_DESCENT, STOP_PROGRESS, Search};
+use crate::search::{LEVELS, Placement, Program, STOP_NO_DESCENT, STOP_PROGRESS, Search};
 use crate::shared::SUMS;
 use crate::vulkan::Error;
 
+use super::schedule_limit::Room;
 use super::{
-    Evaluation, Objective, Observability, Outcome, PoseCovariance, PoseEstimate, Start, StartKind,
-    Stop,
+    Evaluation, Objective, Observability, Outcome, PoseCovariance, PoseEstimate, Schedule, Start,
+    StartKind, Stop,
 };
-
-/// How a search goes through the pyramid.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Schedule {
-    /// Level at which each start is first evaluated. A frame that follows another begins here if that one was followed
-    /// easily, else higher, up to `far_level`.
-    pub first_level: usize,
-    /// Level down to which each start is followed by itself. Below it only the best goes on.
-    pub follow_level: usize,
-    /// Levels to visit, one bit per level; level 0 is always visited.
-    pub levels: u32,
-    /// Levels of which an evaluation draws only some rows of tiles, one bit per level: see docs/decisions.md, 40. Final
-    /// pictures are always whole.
-    pub sparse: u32,
-    /// Most renders of one start at one level while starts are compared; 1: starts are only scored.
-    pub follow_renders: u32,
-    /// Most renders of a coarse level.
-    pub coarse_renders: u32,
-    /// Most renders at full resolution.
-    pub renders: u32,
-    /// If the first step promises to lower the error by more than this share, the start is far off.
-    /// The search then goes on at `far_level`, if that is above the first level.
-    pub near: f32,
-    /// See `near`.
-    pub far_level: usize,
-    /// If a coarse level's step is expected to lower the error by less than this share, it is taken
-    /// without an evaluation and ends the level. The next level evaluates it.
-    pub coarse_leap: f32,
-    /// As `coarse_leap`, at full resolution: the final picture shows the outcome.
-    pub leap: f32,
-    /// A coarse level is done if the next step is expected to lower the error by less than this share.
-    pub coarse_tolerance: f32,
-    /// As `coarse_tolerance`, at full resolution; 1e-3 is 0.004 dB.
-    pub tolerance: f32,
-}
-
-impl Schedule {
-    /// The program that the device runs on a pyramid of `levels` levels, from the first eight of `starts`. `profile`:
-    /// how the pose is coded, see [`Tracker::set_profile`](super::Tracker::set_profile).
-    pub fn program(
-        &self,
-        levels: usize,
-        starts: impl IntoIterator<Item = Placement>,
-        damping: f32,
-        profile: u32,
-    ) -> Program {
-        let last = levels - 1;
-        let mut placements = [Placement::default(); STARTS];
-        let mut count = 0;
-        for (to, start) in placements.iter_mut().zip(starts) {
-            *to = start;
-            count += 1;
-        }
-        let first_level = self.first_level.min(last);
-        Program {
-            starts: placements,
-            count,
-            first_level: first_level as u32,
-            follow_level: self.follow_level.min(first_level) as u32,
-            levels: self.levels,
-            sparse: self.sparse,
-            follow_renders: self.follow_renders,
-            coarse_renders: self.coarse_renders,
-            renders: self.renders,
-            near: self.near,
-            far_level: self.far_level.min(last) as u32,
-            coarse_leap: self.coarse_leap,
-            leap: self.leap,
-            coarse_tolerance: self.coarse_tolerance,
-            tolerance: self.tolerance,
-            damping,
-            profile,
-        }
-    }
-}
 
 /// Options of Gauss–Newton.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,7 +63,8 @@ impl Default for GaussNewtonOptions {
 }
 
 /// Searches from `starts` (only the first eight count), draws the outcome and takes the difference:
-/// see [`crate::render::Renderer::search`]. The result is not judged yet.
+/// see [`crate::render::Renderer::search`]. The result is not judged yet. `room` is enough for one;
+/// if a search is cut short by it, it is not finished.
 ///
 /// # Panics
 /// If there is no start.
@@ -147,28 +74,40 @@ pub(super) fn search(
     schedule: &Schedule,
     damping: f32,
     profile: u32,
+    room: &Room,
 ) -> Result<PoseEstimate, Error> {
     assert!(!starts.is_empty(), "a search needs a start");
     let start = Start { pose: starts[0], kind: StartKind::External };
     let renderer = objective.renderer();
     let placements = starts.iter().map(|pose| placement(renderer.scene(), pose));
-    let program = schedule.program(renderer.levels(), placements, damping, profile);
+    let levels = renderer.levels();
+    let (schedule, cut) = schedule.within_room(room, levels);
+    let program = schedule.program(levels, placements, damping, profile);
     let program = Program { sparse: objective.sparse_levels(program.sparse), ..program };
-    let (first, path) = run(objective, &start, &program)?;
+    let (mut first, path) = run(objective, &start, &program)?;
+    first.finished = cut.allows(first.outcome.stop, &path.by_level);
     // Some rows of tiles may leave a motion undetermined that the whole picture determines.
     let determined = program.sparse == 0 || first.observability.undetermined().next().is_none();
     if path.kept_promise() && determined {
         return Ok(first);
     }
     let better = if path.drawn_mse < path.seen_mse { path.found } else { path.seen };
-    let mut again = Program { sparse: 0, ..program };
-    (again.starts[0], again.count) = (better, 1);
-    again.first_level = program.first_level.max(program.far_level);
-    (again.follow_level, again.far_level) = (again.first_level, 0);
-    (again.leap, again.coarse_leap) = (0.0, 0.0);
-    let (second, _) = run(objective, &start, &again)?;
+    let room = room.after(&path.by_level);
+    if !room.is_enough() {
+        let pose = pose_of(objective.renderer().scene(), &better);
+        let drawn = first.drawn.filter(|_| better == path.found);
+        let outcome = Outcome { pose, mse: first.outcome.mse.min(path.seen_mse), ..first.outcome };
+        return Ok(PoseEstimate { outcome, drawn, finished: false, ..first });
+    }
+    let first_level = schedule.first_level.max(schedule.far_level);
+    let to_the_end = Schedule { leap: 0.0, coarse_leap: 0.0, sparse: 0, far_level: 0, ..schedule };
+    let again = Schedule { first_level, follow_level: first_level, ..to_the_end };
+    let (again, cut) = again.within_room(&room, levels);
+    let again = again.program(levels, [better], damping, profile);
+    let (second, path) = run(objective, &start, &again)?;
+    let finished = cut.allows(second.outcome.stop, &path.by_level);
     let submissions = first.submissions + second.submissions;
-    Ok(PoseEstimate { submissions, first_mse: first.first_mse, ..second })
+    Ok(PoseEstimate { submissions, first_mse: first.first_mse, finished, ..second })
 }
 
 /// Error that 8 bits bring, of values in [0, 1].
@@ -185,6 +124,8 @@ struct Path {
     seen_mse: f64,
     /// Mean squared error of the same pixels in the picture that was drawn at the end.
     drawn_mse: f64,
+    /// Evaluations by level.
+    by_level: [u32; LEVELS],
 }
 
 impl Path {
@@ -224,6 +165,7 @@ fn run(
         seen: search.place,
         seen_mse: f64::from(search.place_sums[SUMS as usize - 1]) / levels[0],
         drawn_mse,
+        by_level: search.by_level,
     };
     let stop = stop(&search);
     let first_mse = f64::from(search.trace[0]) / levels[search.trace_level[0] as usize];

@@ -6,7 +6,10 @@
 //! Adam. The host leads them, with one evaluation per submission.
 
 mod agreement;
+mod budget;
+mod clock;
 mod cold;
+mod costs;
 #[cfg(feature = "paper")]
 mod descent;
 mod frame_info;
@@ -21,14 +24,18 @@ mod pose_covariance;
 mod pose_estimate;
 mod pyramid;
 mod relocaliser;
+mod schedule;
+mod schedule_limit;
 mod starts;
 mod tracker;
 
 pub use agreement::{Agreement, Comparison};
+pub use clock::Clock;
+pub use costs::Costs;
 #[cfg(feature = "paper")]
 pub use descent::{AdamOptions, BfgsOptions};
 pub use frame_info::{Covariance, FrameInfo, Hint};
-pub use gauss_newton::{GaussNewtonOptions, Schedule};
+pub use gauss_newton::GaussNewtonOptions;
 pub use hypotheses::{Hypotheses, Proposal};
 pub use objective::{Evaluation, Objective};
 pub use observability::Observability;
@@ -39,5 +46,6 @@ pub(crate) use pose_covariance::deviations;
 pub use pose_estimate::PoseEstimate;
 pub use pyramid::Pyramid;
 pub use relocaliser::{Alike, Candidate, Places, Relocaliser};
+pub use schedule::Schedule;
 pub use starts::{Start, StartKind, Starts};
 pub use tracker::Tracker;

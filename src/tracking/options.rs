@@ -54,8 +54,10 @@ pub struct RefineOptions {
     /// Options of Adam.
     #[cfg(feature = "paper")]
     pub adam: AdamOptions,
-    /// Renders, of any level, that one frame may take to search afresh. A search that has begun is finished, even if it
-    /// takes more. If the frame finds no pose, the next frame searches again.
+    /// Most renders, of any level, that one frame takes beside its first search, the picture that is sent included. The
+    /// first search starts from the frame before, or from a hint if there is none. A step that would take more is cut
+    /// short or left out, and the next frames go on. A pose whose search was cut short is not certain. 0: no other
+    /// search than from the frame before and from a hint, without a bound.
     pub lost_renders: u32,
     /// Whether a fresh search may also mask what does not agree.
     pub masks: bool,

@@ -38,6 +38,8 @@ pub struct PoseEstimate {
     pub agreement: Agreement,
     /// Whether what does not agree was left out of the search.
     pub masked: bool,
+    /// False if the frame's renders or its time ended before the search had arrived. Such a pose is never certain.
+    pub finished: bool,
     /// Corners of the frame that the candidate explained; 0 if the search did not start at a candidate.
     pub features: u32,
 }
@@ -57,6 +59,7 @@ impl PoseEstimate {
             certain: false,
             agreement: Agreement::default(),
             masked: false,
+            finished: true,
             features: 0,
         }
     }
@@ -88,6 +91,22 @@ impl PoseEstimate {
         covariance.stated(prior_doubt * doubt(self.agreement.share))
     }
 
+    /// Whether the picture agrees with a pose that is searched on in the next frame.
+    pub(super) fn goes_on(&self) -> bool {
+        self.agreement.confirms() && !self.finished
+    }
+
+    /// A pose that was drawn, with its mean squared error, and from which nothing was searched.
+    pub(super) fn unsearched(
+        start: &Start,
+        (code, mse): (PoseCode, f64),
+        agreement: Agreement,
+    ) -> PoseEstimate {
+        let outcome = Outcome { pose: start.pose, mse, stop: Stop::Iterations };
+        let found = PoseEstimate::from_start(start, outcome);
+        PoseEstimate { drawn: Some(code), agreement, finished: false, ..found }
+    }
+
     /// Returns the result with less error, this one or the last search's. If it is this one, the last search has drawn
     /// over its picture.
     pub(super) fn or_last(self, last: PoseEstimate) -> PoseEstimate {
@@ -99,10 +118,17 @@ impl PoseEstimate {
         PoseEstimate { submissions: self.submissions + last.submissions, ..better }
     }
 
+    /// As [`or_last`](Self::or_last), if there was room for another search. Else this one is not finished.
+    pub(super) fn or_retried(self, last: Option<PoseEstimate>) -> PoseEstimate {
+        let finished = last.is_some_and(|last| last.finished);
+        let better = last.map_or(self, |last| self.or_last(last));
+        PoseEstimate { finished: finished && better.finished, ..better }
+    }
+
     /// The result of the last search, which went on from this one.
     pub(super) fn gone_on(&self, last: PoseEstimate, agreement: Agreement) -> PoseEstimate {
         let submissions = self.submissions + last.submissions;
-        let certain = agreement.confirms();
+        let certain = agreement.confirms() && last.finished;
         let PoseEstimate { start, begun, features, .. } = *self;
         PoseEstimate { start, begun, features, submissions, agreement, certain, ..last }
     }

@@ -46,6 +46,8 @@ pub enum Error {
          device's driver lets a shader go through"
     )]
     TooManyPairs,
+    #[error("the work was cancelled")]
+    Interrupted,
     /// A part of what is drawn could not be read.
     #[error("{0}")]
     Unread(Box<dyn std::error::Error + Send + Sync>),

@@ -298,6 +298,15 @@ static void lost_frames(void) {
             CHECK((header.flags & NVSP_FRAME_UNCERTAIN) == uncertain);
             CHECK(stats.state == (clear ? NVSP_STATE_CERTAIN : NVSP_STATE_LOST));
             CHECK(stats.frames_since_certain == (clear ? 0 : i));
+            // Whether the position is known goes with it, in the packet too.
+            const uint32_t known = clear ? NVSP_FRAME_POSITION_KNOWN : 0;
+            CHECK((stats.flags & NVSP_FRAME_POSITION_KNOWN) == known);
+            CHECK((header.flags & NVSP_FRAME_POSITION_KNOWN) == known);
+            for (size_t axis = 0; axis < 6; axis++) {
+                const double deviation = sqrt(stats.pose_covariance[7 * axis]);
+                const double bound = axis < 3 ? stats.position_deviation : stats.rotation_deviation;
+                CHECK(clear ? deviation > 0 && deviation <= bound && isfinite(bound) : isinf(deviation));
+            }
         }
         nvsp_encoder_destroy(encoder);
     }

@@ -99,6 +99,13 @@ pub struct Encoder {
         blurb = "State prior and camera again after this many frames, for a topside that missed them; 0: never again")]
     #[property(name = "render-check", get, set, type = u32, member = render_check, mutable_ready,
         blurb = "Send a check of the render (6 bytes) every so many frames; 0: never")]
+    #[property(name = "lost-renders", get, set, type = u32, member = lost_renders, mutable_ready, default_value = 96,
+        blurb = "Most renders that a frame takes beside its first search; the next frames go on; 0: search from the \
+            frame before and from start alone")]
+    #[property(name = "frame-time", get, set, type = f64, member = frame_time, mutable_ready, minimum = 0.0,
+        maximum = 3_600_000.0,
+        blurb = "Most time that a frame takes, milliseconds: one render and one coding must fit; 0: as long as its \
+            search takes")]
     #[property(name = "frames-treated", get, set, type = bool, member = frames_treated, mutable_ready,
         blurb = "Frames come already treated as the prior's preprocessing says")]
     #[property(name = "truth", get, set, type = bool, member = truth, mutable_ready, default_value = true,
@@ -275,6 +282,7 @@ impl Encoder {
             .field("lost-frames", stats.frames_since_certain)
             .field("rate-kept", stats.rate_kept)
             .field("truth-bytes", stats.truth_bytes as u32)
+            .field("out-of-time", stats.out_of_time)
             .field("milliseconds", stats.milliseconds)
             .build();
         if let Some(reference) = stats.reference {

@@ -1,9 +1,11 @@
 //! The properties of `nvspenc`.
 
+use std::time::Duration;
+
 use gst::glib;
 use nvsprior::modem::{Loss, RateControlOptions};
 use nvsprior::residual::Tune;
-use nvsprior::tracking::FrameInfo;
+use nvsprior::tracking::{FrameInfo, RefineOptions};
 use nvsprior::{EncoderOptions, Mode, Rate, Structure};
 
 /// What decides how fine difference pictures are.
@@ -85,6 +87,9 @@ pub struct Settings {
     pub key_every: u32,
     pub camera_interval: u32,
     pub render_check: u32,
+    pub lost_renders: u32,
+    /// Milliseconds; 0: no bound.
+    pub frame_time: f64,
     pub frames_treated: bool,
     pub truth: bool,
     pub rate: RateKind,
@@ -134,6 +139,8 @@ impl Default for Settings {
             key_every: 16,
             camera_interval: 64,
             render_check: 0,
+            lost_renders: 96,
+            frame_time: 0.0,
             frames_treated: false,
             truth: true,
             rate: RateKind::default(),
@@ -165,8 +172,12 @@ impl Settings {
             StructureKind::Layers => Structure::Layers { key_every },
             StructureKind::Keys => Structure::Keys { key_every },
         };
+        let refine = RefineOptions { lost_renders: self.lost_renders, ..RefineOptions::default() };
+        let frame_time = Duration::from_secs_f64(self.frame_time / 1e3);
         EncoderOptions {
+            refine,
             threshold: self.threshold,
+            frame_time: (self.frame_time > 0.0).then_some(frame_time),
             rate: self.fixed_rate(),
             tune: match self.tune {
                 TuneKind::Psnr => Tune::Psnr,

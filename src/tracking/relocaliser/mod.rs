@@ -207,12 +207,16 @@ impl Relocaliser {
         self.mask = mask.map(|mask| mask.reduced(self.factor as u32));
     }
 
-    /// Poses that the key frames rendered so far propose for the frame, best first.
-    pub fn propose(&mut self) -> &[Candidate] {
+    /// Poses that the key frames rendered so far propose for the frame, best first. Ends early once `goes_on` is false.
+    pub fn propose(&mut self, mut goes_on: impl FnMut() -> bool) -> &[Candidate] {
         self.candidates.clear();
         self.landmarks.vote(&self.frame, &mut self.votes);
         self.votes.truncate(VOTED);
         for slot in 0..self.votes.len() {
+            if !goes_on() {
+                self.votes.truncate(slot);
+                break;
+            }
             self.compare(slot);
         }
         self.ranked.clear();
@@ -223,6 +227,9 @@ impl Relocaliser {
         self.ranked.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         for alike in ALIKE {
             for rank in 0..self.ranked.len().min(PROPOSALS) {
+                if !goes_on() {
+                    break;
+                }
                 self.pool(self.ranked[rank].1, alike);
                 if let Some(found) = self.resection.resect(&self.matches, None, None) {
                     let pose = absolute(&found.pose, self.origin);
@@ -236,11 +243,19 @@ impl Relocaliser {
     }
 
     /// Poses that single key frames propose, best first: for frames that no vote leads to. Compares about `max` key
-    /// frames with the frame, other ones in each `turn`, until each had its turn.
-    pub fn compare_some(&mut self, max: usize, turn: usize) -> &[Candidate] {
+    /// frames with the frame, other ones in each `turn`, until each had its turn. Ends early once `goes_on` is false.
+    pub fn compare_some(
+        &mut self,
+        max: usize,
+        turn: usize,
+        mut goes_on: impl FnMut() -> bool,
+    ) -> &[Candidate] {
         self.candidates.clear();
         let parts = self.landmarks.groups().div_ceil(max.max(1)).max(1);
         for index in (turn % parts..self.landmarks.groups()).step_by(parts) {
+            if !goes_on() {
+                break;
+            }
             self.match_key_frame(index);
             let key_frame = &self.key_frames[index];
             let reach = TOGETHER * self.depths[index];
@@ -268,16 +283,17 @@ impl Relocaliser {
         Some(absolute(&self.key_frames[key_frame], self.origin))
     }
 
-    /// Improves a pose with renders at it, as long as each explains more of the frame's corners. `None` if too few
-    /// corners match.
+    /// Improves a pose with renders at it, at most `max`, as long as each explains more of the frame's corners. `None`
+    /// if too few corners match.
     pub fn approach(
         &mut self,
         objective: &mut Objective,
         from: &Pose,
+        max: usize,
     ) -> Result<Option<Candidate>, Error> {
         let mut at = relative(from, self.origin);
         let mut best: Option<Candidate> = None;
-        for _ in 0..ROUNDS {
+        for _ in 0..max.min(ROUNDS) {
             self.look(objective, &at)?;
             self.match_render();
             let Some(found) = self.resection.resect(&self.matches, Some(at), None) else { break };

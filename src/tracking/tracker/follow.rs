@@ -7,8 +7,8 @@ use crate::vulkan::Error;
 
 #[cfg(feature = "paper")]
 use super::super::descent;
-use super::super::gauss_newton::Schedule;
-use super::super::{FrameInfo, Hint, Optimizer, Outcome, PoseEstimate, StartKind};
+use super::super::schedule::Schedule;
+use super::super::{FrameInfo, Hint, Optimizer, Outcome, PoseEstimate, Start, StartKind};
 use super::afresh::disagrees;
 use super::judgement::MOSTLY;
 use super::state::Tracker;
@@ -40,8 +40,17 @@ impl Tracker {
     ) -> Result<Option<PoseEstimate>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(info.time);
+        self.budget.unbound();
         match self.options.optimizer {
-            Optimizer::GaussNewton => self.search(frame, info),
+            Optimizer::GaussNewton => {
+                let found = self.search(frame, info)?;
+                // A step that there was no room to end may have drawn over it.
+                let shown = self.shown;
+                Ok(found.map(|found| PoseEstimate {
+                    drawn: found.drawn.filter(|drawn| Some(*drawn) == shown),
+                    ..found
+                }))
+            }
             #[cfg(feature = "paper")]
             _ => self.descend(info.hint.map(|hint| hint.pose)),
         }
@@ -53,6 +62,7 @@ impl Tracker {
         let schedule = self.options.gauss_newton.warm;
         let mut warm = if self.masked { self.follow_masked()? } else { None };
         if warm.is_none()
+            && (self.good || !self.spares_time())
             && let Some(found) = self.follow(frame, &schedule)?
         {
             let found = self.judged(found)?;
@@ -61,6 +71,7 @@ impl Tracker {
         let doubt = self.objective.renderer().scene().pose_doubt();
         if let Some(found) = warm
             && (self.settles(&found)
+                || found.goes_on()
                 || (!found.agreement.is_conclusive && !self.lost(found.outcome.mse)))
         {
             let found = match hint {
@@ -85,7 +96,8 @@ impl Tracker {
 
     /// Searches from the frames before, beginning at the level that was enough for the last one. If
     /// the error comes out worse, searches again from the coarsest level, or, if it began there, from
-    /// the poses that phase correlation proposes. `None` if there are no frames before.
+    /// the poses that phase correlation proposes. `None` if there are no frames before. The renders of the first search
+    /// are not bounded, only its time.
     fn follow(
         &mut self,
         frame: &Picture,
@@ -96,12 +108,20 @@ impl Tracker {
         let schedule = &Schedule { sparse: if rough { schedule.sparse } else { 0 }, ..*schedule };
         let coarsest = schedule.first_level.max(schedule.far_level);
         let first = match start {
-            StartKind::Predicted => self.level.clamp(schedule.first_level, coarsest),
+            // Until a frame was certain, no error tells whether a fine level was enough.
+            StartKind::Predicted if self.good || !self.short => {
+                self.level.clamp(schedule.first_level, coarsest)
+            }
             // The motion between two frames is still unknown.
             _ => coarsest,
         };
         let at = |level| Schedule { first_level: level, follow_level: level, ..*schedule };
-        let mut found = PoseEstimate { start, ..self.from(&[pose], &at(first))? };
+        let found = self.first_from(&pose, &at(first))?;
+        self.bound_renders();
+        let Some(found) = found else {
+            return self.unsearched(&Start { pose, kind: start }).map(Some);
+        };
+        let mut found = PoseEstimate { start, ..found };
         if start == StartKind::Predicted {
             let ratio = found.first_mse / found.outcome.mse;
             self.level = match ratio {
@@ -112,15 +132,19 @@ impl Tracker {
         }
         let limit = self.error.map_or(f64::INFINITY, |before| WORSE * before);
         let worse = |found: &PoseEstimate| found.outcome.mse > limit;
+        if worse(&found) && self.spares_time() {
+            return Ok(Some(PoseEstimate { finished: false, ..found }));
+        }
         if first < coarsest && worse(&found) {
             self.level = coarsest;
-            found = found.or_last(PoseEstimate { start, ..self.from(&[pose], &at(coarsest))? });
+            let again = self.from(&[pose], &at(coarsest))?;
+            found = found.or_retried(again.map(|again| PoseEstimate { start, ..again }));
         }
         if worse(&found) {
             // A new object may draw the search away from the scene.
             let cold = self.options.gauss_newton.cold;
             let proposed = self.search_cold(frame, &pose, &cold, schedule)?;
-            found = found.or_last(PoseEstimate { start, ..proposed });
+            found = found.or_retried(proposed.map(|found| PoseEstimate { start, ..found }));
         }
         Ok(Some(found))
     }
@@ -128,13 +152,13 @@ impl Tracker {
     /// Takes back the motion along directions that the picture does not determine, if that costs nothing. Noise caused
     /// that motion, and over many frames the pose would drift.
     fn settled(&mut self, found: PoseEstimate) -> Result<PoseEstimate, Error> {
-        if found.observability.undetermined().next().is_none() {
+        if found.observability.undetermined().next().is_none() || !found.finished {
             return Ok(found);
         }
         let (pose, begun) = (found.outcome.pose, found.begun);
         let motion = pose.after(&begun.inverse()).log();
         let pose = begun.stepped(&found.observability.determined(&motion));
-        let (code, mse) = self.draw(&pose)?;
+        let Some((code, mse)) = self.draw_within(&pose)? else { return Ok(found) };
         if !(mse <= SETTLED * found.outcome.mse) {
             return Ok(PoseEstimate { drawn: None, ..found });
         }

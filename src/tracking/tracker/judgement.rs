@@ -6,8 +6,9 @@ use crate::render::Correction;
 use crate::vulkan::Error;
 
 use super::super::PoseEstimate;
-use super::super::gauss_newton::Schedule;
-use super::super::{Agreement, Outcome, StartKind};
+use super::super::schedule::Schedule;
+use super::super::schedule_limit::LEAST;
+use super::super::{Agreement, Outcome, Start, StartKind};
 use super::state::Tracker;
 
 /// If the light differs by less than this, it is not corrected again.
@@ -33,34 +34,46 @@ impl Tracker {
     /// sharpness than the search assumed, the search goes on with these.
     pub(super) fn judged(&mut self, mut found: PoseEstimate) -> Result<PoseEstimate, Error> {
         if found.drawn.is_none() {
-            let (code, mse) = self.draw(&found.outcome.pose)?;
+            let Some((code, mse)) = self.draw_within(&found.outcome.pose)? else {
+                return Ok(PoseEstimate { certain: false, finished: false, ..found });
+            };
             found.drawn = Some(code);
             found.outcome.mse = mse;
         }
         found.agreement = self.agreement();
         if self.take_light(&found.agreement) | self.take_sharpness(&found.agreement) {
-            let again = self.from(&[found.outcome.pose], &self.nearby(1))?;
-            found = found.gone_on(again, self.agreement());
+            found = match self.from(&[found.outcome.pose], &self.nearby(1))? {
+                Some(again) => found.gone_on(again, self.agreement()),
+                None => PoseEstimate { finished: false, ..found },
+            };
         }
-        found.certain = found.agreement.confirms();
+        found.certain = found.agreement.confirms() && found.finished;
         Ok(found)
+    }
+
+    /// Draws a start that there is no room to search from.
+    pub(super) fn unsearched(&mut self, start: &Start) -> Result<PoseEstimate, Error> {
+        let drawn = self.draw(&start.pose)?;
+        Ok(PoseEstimate::unsearched(start, drawn, self.agreement()))
     }
 
     /// Goes on from what was found and judged last: masks what does not agree, and corrects the light from place to
     /// place. If nearly all agrees then, in one light, a plain search finishes. Changes nothing if the pose found is
-    /// not certain, or if what does not agree makes no more than the share `max` of the squared error.
+    /// not certain, or if what does not agree makes no more than the share `max` of the squared error. What the frame
+    /// has no room to search to the end is left out.
     pub(super) fn with_masks(
         &mut self,
         found: PoseEstimate,
         max: f64,
     ) -> Result<PoseEstimate, Error> {
-        if !(found.certain && self.is_uneven(&found.agreement, max)) {
+        if !(found.certain && self.is_uneven(&found.agreement, max)) || self.room() < LEAST {
             return Ok(found);
         }
         let mut best = found;
         for _ in 0..MASKINGS {
             let before = best.agreement.score;
             let again = self.masked_from(&best.outcome.pose)?;
+            let Some(again) = again.filter(|again| again.finished) else { break };
             if again.agreement.score > before {
                 best = best.gone_on(again, again.agreement);
             }
@@ -70,6 +83,9 @@ impl Tracker {
         }
         let pose = best.outcome.pose;
         let plain = self.from(&[pose], &self.nearby(0))?;
+        let Some(plain) = plain.filter(|plain| plain.finished) else {
+            return Ok(PoseEstimate { drawn: None, ..best });
+        };
         let agreement = self.agreement();
         if agreement.score > best.agreement.score + BETTER || !self.is_uneven(&agreement, max) {
             return Ok(best.gone_on(plain, agreement));
@@ -78,24 +94,26 @@ impl Tracker {
     }
 
     /// Searches from a pose that corners propose. If less agrees at the end of the search, the search went wrong, and
-    /// the corners' pose is kept.
+    /// the corners' pose is kept. `None` if the frame has no room for that.
     pub(super) fn search_candidate(
         &mut self,
         pose: &Pose,
         kind: StartKind,
-    ) -> Result<PoseEstimate, Error> {
-        self.draw(pose)?;
+    ) -> Result<Option<PoseEstimate>, Error> {
+        if self.draw_within(pose)?.is_none() {
+            return Ok(None);
+        }
         let agreement = self.agreement();
         self.take_light(&agreement);
-        let found = self.search_corners(pose, kind, &agreement)?;
+        let Some(found) = self.search_corners(pose, kind, &agreement)? else { return Ok(None) };
         if !agreement.confirms() || found.agreement.score + BETTER >= agreement.score {
-            return Ok(found);
+            return Ok(Some(found));
         }
         let schedule = Schedule { renders: 1, leap: 0.0, ..self.nearby(0) };
-        let stayed = self.from(&[*pose], &schedule)?;
+        let Some(stayed) = self.from(&[*pose], &schedule)? else { return Ok(Some(found)) };
         let agreement = self.agreement();
         let masked = self.is_uneven(&agreement, PARTLY);
-        Ok(PoseEstimate { masked, ..found.gone_on(stayed, agreement) })
+        Ok(Some(PoseEstimate { masked, ..found.gone_on(stayed, agreement) }))
     }
 
     /// Searches from a pose that corners propose. First masks what does not agree there: it would lead a plain search
@@ -105,50 +123,65 @@ impl Tracker {
         pose: &Pose,
         kind: StartKind,
         agreement: &Agreement,
-    ) -> Result<PoseEstimate, Error> {
+    ) -> Result<Option<PoseEstimate>, Error> {
         let mut best = None;
-        if agreement.share > HINTED && self.is_uneven(agreement, MOSTLY) {
-            let found = PoseEstimate { start: kind, ..self.masked_from(pose)? };
-            let found = self.with_masks(found, PARTLY)?;
+        if agreement.share > HINTED
+            && self.is_uneven(agreement, MOSTLY)
+            && let Some(found) = self.masked_from(pose)?
+        {
+            let found = self.with_masks(PoseEstimate { start: kind, ..found }, PARTLY)?;
             if found.certain {
-                return Ok(found);
+                return Ok(Some(found));
             }
             best = Some(found);
         }
+        let found = self.search_plainly(pose, kind)?;
+        Ok(found.map(|found| PoseEstimate::or_judged(best, found)).or(best))
+    }
+
+    /// Searches from a pose on all levels, judges the outcome, and masks what does not agree; `None` if the frame has
+    /// no room for that.
+    pub(super) fn search_plainly(
+        &mut self,
+        pose: &Pose,
+        kind: StartKind,
+    ) -> Result<Option<PoseEstimate>, Error> {
         let cold = self.options.gauss_newton.cold;
-        let found = self.from(&[*pose], &cold)?;
+        let Some(found) = self.from(&[*pose], &cold)? else { return Ok(None) };
         let found = self.judged(PoseEstimate { start: kind, ..found })?;
-        let found = self.with_masks(found, PARTLY)?;
-        Ok(PoseEstimate::or_judged(best, found))
+        self.with_masks(found, PARTLY).map(Some)
     }
 
     /// For a frame that follows a masked one: predicts the pose, masks what does not agree with the render there, and
     /// searches. `None` if no certain pose is found.
     pub(super) fn follow_masked(&mut self) -> Result<Option<PoseEstimate>, Error> {
         let Some((pose, start)) = self.starts.near() else { return Ok(None) };
-        self.draw(&pose)?;
+        if self.draw_within(&pose)?.is_none() {
+            return Ok(None);
+        }
         let agreement = self.agreement();
         if !agreement.confirms() {
             return Ok(None);
         }
         self.take_light(&agreement);
-        let found = PoseEstimate { start, ..self.masked_from(&pose)? };
-        Ok(Some(found).filter(|found| found.certain))
+        let found = self.masked_from(&pose)?.filter(|found| found.certain || found.goes_on());
+        Ok(found.map(|found| PoseEstimate { start, ..found }))
     }
 
     /// Searches from the pose at which the render was compared last, and masks what does not agree there. The error is
-    /// that of the whole picture.
-    fn masked_from(&mut self, pose: &Pose) -> Result<PoseEstimate, Error> {
+    /// that of the whole picture. `None` if the frame has no room for a search.
+    fn masked_from(&mut self, pose: &Pose) -> Result<Option<PoseEstimate>, Error> {
         let comparison = &mut self.comparison;
         self.objective.set_field(|field| comparison.describe(field));
         let found = self.from(&[*pose], &self.nearby(1));
         let correction = *self.objective.correction();
         self.objective.set_correction(&correction);
-        let found = found?;
+        let Some(found) = found? else { return Ok(None) };
         let agreement = self.agreement();
         let outcome = Outcome { mse: self.objective.error(), ..found.outcome };
         let masked = self.comparison.is_uneven(&agreement, MOSTLY);
-        Ok(PoseEstimate { outcome, agreement, certain: agreement.confirms(), masked, ..found })
+        let certain = agreement.confirms() && found.finished;
+        Ok(Some(PoseEstimate { outcome, agreement, certain, masked, ..found }))
     }
 
     /// Uses the frame's light in searches from here on, if it differs from the light used so far. Returns whether it

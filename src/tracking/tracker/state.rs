@@ -1,6 +1,7 @@
 //! What tracking carries from frame to frame, and the steps that all searches take.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::Pose;
 use crate::image::Mask;
@@ -9,10 +10,14 @@ use crate::render::levels::{anchor, placement};
 use crate::search::{PoseCode, STARTS, quantised};
 use crate::vulkan::Error;
 
+use super::super::budget::Budget;
 use super::super::cold::ColdStart;
-use super::super::gauss_newton::{self, Schedule};
+use super::super::gauss_newton;
+use super::super::schedule::Schedule;
+use super::super::schedule_limit::Room;
 use super::super::{
-    Comparison, Evaluation, Objective, Optimizer, PoseEstimate, RefineOptions, Relocaliser, Starts,
+    Clock, Comparison, Costs, Evaluation, Objective, Optimizer, PoseEstimate, RefineOptions,
+    Relocaliser, Start, StartKind, Starts,
 };
 
 /// If the picture cannot tell whether a pose is right, a frame is searched afresh if its error is above this many times
@@ -53,6 +58,26 @@ pub struct Tracker {
     pub(super) masked: bool,
     /// Whether the last certain frame was blurred.
     pub(super) blurred: bool,
+    /// What the frame under way may take.
+    pub(super) budget: Budget,
+    /// A search of the frame before that its budget ended.
+    pub(super) unfinished: Option<Unfinished>,
+    /// Whether the last frame's time was short.
+    pub(super) short: bool,
+    /// The pose of the picture drawn last.
+    pub(super) shown: Option<PoseCode>,
+    /// Whether the last frame agreed where the frame before led.
+    pub(super) agreed: bool,
+    /// Whether the last frame with little room rendered key frames with all of it: the next one searches.
+    pub(super) searches_next: bool,
+}
+
+/// A search that the next frame goes on with.
+#[derive(Clone, Copy)]
+pub(super) struct Unfinished {
+    pub start: Start,
+    /// Frames that have searched from there.
+    pub frames: u32,
 }
 
 impl Tracker {
@@ -83,7 +108,33 @@ impl Tracker {
             share: f64::INFINITY,
             masked: false,
             blurred: false,
+            budget: Budget::default(),
+            unfinished: None,
+            short: false,
+            shown: None,
+            agreed: false,
+            searches_next: false,
         }
+    }
+
+    /// Sets the clock by which frames end.
+    pub fn set_clock(&mut self, clock: &Clock) {
+        self.budget = Budget::new(clock.clone());
+    }
+
+    /// Sets what the steps of a search take on the device.
+    pub fn set_costs(&mut self, costs: Costs) {
+        self.budget.set_costs(costs);
+    }
+
+    /// Sets when the search of the next frame must end, by the clock; `None`: whenever it does.
+    pub fn set_deadline(&mut self, deadline: Option<Duration>) {
+        self.budget.begin(deadline);
+    }
+
+    /// Whether the clock ended the last frame's search.
+    pub fn out_of_time(&self) -> bool {
+        self.budget.out_of_time()
     }
 
     /// Sets how poses are coded from here on: [`crate::search::COMPACT`], [`crate::search::PAPER`]
@@ -121,14 +172,20 @@ impl Tracker {
     /// Notes what was found for a frame, for the next one's start. It keeps the pose as found, not as the packet holds
     /// it, which may be coarser. Once a frame was certain, uncertain frames are not used as starts.
     pub fn keep(&mut self, found: &PoseEstimate) {
-        if found.certain || !self.good {
+        let follows = matches!(found.start, StartKind::Previous | StartKind::Predicted);
+        let goes_on = follows && found.goes_on();
+        if found.certain || !self.good || goes_on {
             self.starts.push(found.outcome.pose, found.start, Some(&found.observability));
+        }
+        if found.certain || !self.good {
             self.error = Some(found.outcome.mse);
         }
+        (self.agreed, self.short) = (found.certain || goes_on, self.out_of_time());
         self.good |= found.certain;
         if found.certain {
             self.share = found.agreement.share;
             self.masked = found.masked;
+            self.unfinished = None;
         }
         self.frames_since_certain =
             if found.certain { 0 } else { self.frames_since_certain.saturating_add(1) };
@@ -138,6 +195,7 @@ impl Tracker {
     pub fn reset(&mut self) {
         (self.starts, self.error, self.level) = (Starts::default(), None, 0);
         (self.good, self.frames_since_certain) = (false, 0);
+        (self.unfinished, self.agreed, self.short) = (None, false, false);
         (self.share, self.masked, self.blurred) = (f64::INFINITY, false, false);
         self.objective.set_correction(&Correction::NONE);
     }
@@ -157,21 +215,88 @@ impl Tracker {
         let scene = renderer.scene();
         let code = quantised(&placement(scene, pose), &anchor(scene), self.profile);
         renderer.draw_coded_as_planned(&code)?;
+        self.shown = Some(code);
         Ok((code, self.objective.error()))
+    }
+
+    /// As [`draw`](Self::draw), if the frame has room for it beside the picture that is sent.
+    pub(super) fn draw_within(&mut self, pose: &Pose) -> Result<Option<(PoseCode, f64)>, Error> {
+        if self.room() == 0 {
+            return Ok(None);
+        }
+        self.draw(pose).map(Some)
     }
 
     pub(super) fn lost(&self, mse: f64) -> bool {
         mse >= self.threshold && self.error.is_none_or(|before| mse > LOST * before)
     }
 
+    /// Searches from poses, as far as the frame has room; `None` if it has none for an evaluation and its picture.
     pub(super) fn from(
         &mut self,
         poses: &[Pose],
         schedule: &Schedule,
-    ) -> Result<PoseEstimate, Error> {
+    ) -> Result<Option<PoseEstimate>, Error> {
+        let room = self.budget.room(self.objective.renderer().all_renders());
+        self.search_within(poses, schedule, room)
+    }
+
+    /// As [`from`](Self::from), for a frame's first search, of which only the time is bounded.
+    pub(super) fn first_from(
+        &mut self,
+        pose: &Pose,
+        schedule: &Schedule,
+    ) -> Result<Option<PoseEstimate>, Error> {
+        let room = self.budget.first_room();
+        self.search_within(&[*pose], schedule, room)
+    }
+
+    fn search_within(
+        &mut self,
+        poses: &[Pose],
+        schedule: &Schedule,
+        room: Room,
+    ) -> Result<Option<PoseEstimate>, Error> {
+        if !room.is_enough() {
+            self.budget.note_cut(self.objective.renderer().all_renders());
+            return Ok(None);
+        }
         let damping = self.options.gauss_newton.damping;
         let schedule = self.at_sharpness(schedule);
-        gauss_newton::search(&mut self.objective, poses, &schedule, damping, self.profile)
+        let (objective, profile) = (&mut self.objective, self.profile);
+        let found = gauss_newton::search(objective, poses, &schedule, damping, profile, &room)?;
+        self.shown = found.drawn;
+        if !found.finished {
+            self.budget.note_cut(self.objective.renderer().all_renders());
+        }
+        Ok(Some(found))
+    }
+
+    /// Whether the frame's time is spent on looking elsewhere than where the frame before leads: every other frame of a
+    /// lost camera, as both together may not fit.
+    pub(super) fn spares_time(&self) -> bool {
+        let lost = self.frames_since_certain > 0;
+        let turn = self.frames_since_certain.is_multiple_of(2)
+            || (!self.good && self.unfinished.is_some());
+        self.short && lost && turn && !self.agreed
+    }
+
+    /// Renders that the frame may still take beside that of the picture that is sent.
+    pub(super) fn room(&mut self) -> u32 {
+        self.budget.renders(self.objective.renderer().all_renders())
+    }
+
+    /// As [`room`](Self::room), for renders of which the corners are taken.
+    pub(super) fn room_to_look(&mut self) -> u32 {
+        self.budget.looks(self.objective.renderer().all_renders())
+    }
+
+    /// Bounds the renders that the frame takes from here on.
+    pub(super) fn bound_renders(&mut self) {
+        if self.options.lost_renders > 0 {
+            let renders = self.objective.renderer().all_renders();
+            self.budget.bound(renders, self.options.lost_renders);
+        }
     }
 
     /// A schedule for the frame's sharpness. Detail that a blurred frame lacks would pull the camera away from the

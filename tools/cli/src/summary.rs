@@ -55,6 +55,7 @@ fn frame(row: &Row) -> Value {
         "milliseconds": s.milliseconds,
         "start": s.start.name(),
         "certain": s.certain,
+        "out_of_time": s.out_of_time,
         "portable": s.portable,
         "lost_frames": s.frames_since_certain,
         "rate_kept": s.rate_kept,

@@ -1,6 +1,7 @@
 //! Values of arguments, checked before work begins.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context;
 
@@ -39,6 +40,16 @@ pub fn positive(text: &str) -> Result<f64, String> {
     match number(text)? {
         value if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("must be above 0".into()),
+    }
+}
+
+/// A time above 0, milliseconds.
+pub fn milliseconds(text: &str) -> Result<Duration, String> {
+    /// An hour.
+    const MOST: f64 = 3.6e6;
+    match positive(text)? {
+        value if value <= MOST => Ok(Duration::from_secs_f64(value / 1e3)),
+        _ => Err("must be at most an hour".into()),
     }
 }
 

@@ -6,6 +6,7 @@ mod commands;
 mod configurations;
 pub(crate) mod context;
 pub(crate) mod forward;
+mod frame_times;
 mod optimum;
 mod paper;
 pub(crate) mod perturbed;
@@ -80,6 +81,8 @@ pub struct Args {
     #[command(flatten)]
     recovery: recovery::RecoveryArgs,
     #[command(flatten)]
+    frame_times: frame_times::FrameTimesArgs,
+    #[command(flatten)]
     codecs: codecs::CodecsArgs,
     #[command(flatten)]
     paper: paper::PaperArgs,
@@ -124,6 +127,10 @@ pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyho
     }
     if args.recovery.recovery {
         recovery::run(&args.recovery, &mut context, folder)?;
+        return args.device.check(&context.engine);
+    }
+    if args.frame_times.frame_times {
+        frame_times::run(&args.frame_times, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
     if args.codecs.codecs {

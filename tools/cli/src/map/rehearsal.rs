@@ -1,8 +1,8 @@
 //! A second, shorter training without some stretches of the mapping run: what a prior of it is worth for finding poses.
 //!
 //! Single pictures that are held out lie between two others that look alike, and hide what a dive meets. So whole
-//! stretches and the run's ends are held out; the prior that is delivered is trained with them. Those pictures lie on the
-//! run's own track. A run along the line of sight leaves depths open, and that shows beside its track only. So the
+//! stretches and the run's ends are held out; the prior that is delivered is trained with them. Those pictures lie on
+//! the run's own track. A run along the line of sight leaves depths open, and that shows beside its track only. So the
 //! delivered prior is drawn from there, too, and looked for in the other one: what two trainings do not agree in, the
 //! run does not determine.
 

@@ -11,7 +11,7 @@ mod condition;
 mod dropouts;
 mod foreign;
 mod nothing;
-mod pixels;
+pub(super) mod pixels;
 mod print;
 mod probe;
 mod roll;

@@ -62,9 +62,9 @@ impl Estimator {
     /// The pose that explains most of a frame's corners; the likeliest key frame's if there is none.
     fn pose(&mut self, frame: &Picture) -> anyhow::Result<Option<Pose>> {
         self.relocaliser.set_frame(frame);
-        let proposed = self.relocaliser.propose().first().map(|candidate| candidate.pose);
+        let proposed = self.relocaliser.propose(|| true).first().map(|candidate| candidate.pose);
         let Some(pose) = proposed else { return Ok(self.relocaliser.likeliest()) };
-        let nearer = self.relocaliser.approach(&mut self.objective, &pose)?;
+        let nearer = self.relocaliser.approach(&mut self.objective, &pose, usize::MAX)?;
         Ok(Some(nearer.map_or(pose, |candidate| candidate.pose)))
     }
 }

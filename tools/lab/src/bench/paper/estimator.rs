@@ -69,10 +69,10 @@ impl Estimator {
     /// The pose that explains most of the frame's corners.
     fn estimate(&mut self, frame: &Picture) -> anyhow::Result<Option<Pose>> {
         self.relocaliser.set_frame(frame);
-        let proposed = self.relocaliser.propose().to_vec();
+        let proposed = self.relocaliser.propose(|| true).to_vec();
         let mut best = self.closer(&proposed)?;
         if best.is_none_or(|best| best.features < FEW) {
-            let compared = self.relocaliser.compare_some(usize::MAX, 0).to_vec();
+            let compared = self.relocaliser.compare_some(usize::MAX, 0, || true).to_vec();
             let closer = self.closer(&compared)?;
             best = best.into_iter().chain(closer).max_by_key(|candidate| candidate.features);
         }
@@ -83,7 +83,8 @@ impl Estimator {
     fn closer(&mut self, candidates: &[Candidate]) -> anyhow::Result<Option<Candidate>> {
         let mut best: Option<Candidate> = None;
         for candidate in candidates.iter().take(PROPOSED) {
-            let found = self.relocaliser.approach(&mut self.objective, &candidate.pose)?;
+            let found =
+                self.relocaliser.approach(&mut self.objective, &candidate.pose, usize::MAX)?;
             let found = found.unwrap_or(*candidate);
             if best.is_none_or(|best| found.features > best.features) {
                 best = Some(found);
