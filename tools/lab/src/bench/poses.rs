@@ -10,7 +10,7 @@ use std::path::Path;
 
 use nvsprior::packet::{Residual, residual_part_len};
 use nvsprior::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
-use nvsprior::{Camera, Encoded, EncoderOptions, FrameStats, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, FrameStats, Picture, Pose, Rate};
 use nvsprior_inputs::args::progress;
 use serde::Serialize;
 
@@ -32,6 +32,10 @@ pub struct PosesArgs {
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "poses",
         default_values_t = [Condition::Plain])]
     poses_conditions: Vec<Condition>,
+    /// With `--poses`: also search for each frame by itself, from the true pose and from moved ones: how far below the
+    /// best of all starts each ends
+    #[arg(long, requires = "poses")]
+    poses_starts: bool,
 }
 
 /// The axes: translations along the camera's, and turns about them.
@@ -41,6 +45,11 @@ const TARGETS: [f64; 3] = [29.0, 31.0, 33.0];
 
 /// No error of a known position may be more deviations than this.
 const MOST: f64 = 4.0;
+/// Starts may end so far below the best of them, dB.
+const BELOW: f64 = 0.3;
+/// Moved starts: along the camera's axes, in depths of the scene, and about them, radians.
+const MOVED: [[f64; 6]; 2] =
+    [[0.03, -0.02, 0.03, 0.02, -0.03, 0.02], [-0.05, 0.04, -0.04, -0.04, 0.05, -0.03]];
 /// Smaller ratios are drawn here.
 const LEAST: f64 = 0.01;
 
@@ -50,8 +59,10 @@ struct Found {
     /// From the camera file's pose to the one found, along and about the camera's axes: the prior's unit, radians.
     error: [f64; 6],
     stats: FrameStats,
-    /// Bytes at each of [`TARGETS`], under the first condition.
+    /// Bytes at each of [`TARGETS`].
     bytes: [usize; 3],
+    /// How far below the best of all starts each start's render ends, dB; empty if they are not compared.
+    below: Vec<f64>,
 }
 
 impl Found {
@@ -99,6 +110,8 @@ struct Summary {
     render_psnr: f64,
     /// At 29, 31 and 33 dB.
     bytes: [f64; 3],
+    /// Share of the frames of which a start ends more than [`BELOW`] dB below the best one; null if not compared.
+    starts_apart: Option<f64>,
 }
 
 /// Measures, prints and writes it all to a folder.
@@ -111,7 +124,7 @@ pub fn run(args: &PosesArgs, context: &Context, folder: &Path) -> anyhow::Result
     let count = args.poses_conditions.len() * context.shots.len();
     let bar = progress(count, "poses");
     let measure = |condition: &Condition| {
-        let frames = frames(context, *condition, || bar.inc(1))?;
+        let frames = frames(context, *condition, args.poses_starts, || bar.inc(1))?;
         Ok(Run { condition: *condition, frames })
     };
     let runs = args.poses_conditions.iter().map(measure).collect::<anyhow::Result<Vec<Run>>>()?;
@@ -124,8 +137,15 @@ pub fn run(args: &PosesArgs, context: &Context, folder: &Path) -> anyhow::Result
 }
 
 /// Finds the poses of the run under a condition.
-fn frames(context: &Context, condition: Condition, done: impl Fn()) -> anyhow::Result<Vec<Found>> {
-    let mut encoder = context.encoder(EncoderOptions { rate: None, ..context.options() })?;
+fn frames(
+    context: &Context,
+    condition: Condition,
+    compares: bool,
+    done: impl Fn(),
+) -> anyhow::Result<Vec<Found>> {
+    let options = EncoderOptions { rate: None, ..context.options() };
+    let mut alone = compares.then(|| context.encoder(options.clone())).transpose()?;
+    let mut encoder = context.encoder(options)?;
     while encoder.prepare(usize::MAX)? > 0 {}
     let mut coder = ResidualEncoder::new(&coder_setup(context));
     let shots = &context.shots;
@@ -147,10 +167,33 @@ fn frames(context: &Context, condition: Condition, done: impl Fn()) -> anyhow::R
         }
         let truth = shot.known.unwrap_or(pose);
         let error = pose.after(&truth.inverse()).log();
-        frames.push(Found { file: shot.file.clone(), error, stats, bytes });
+        let alone = alone.as_mut();
+        let below = alone.map(|encoder| below(encoder, &given, &truth, &stats)).transpose()?;
+        let below = below.unwrap_or_default();
+        frames.push(Found { file: shot.file.clone(), error, stats, bytes, below });
         done();
     }
     Ok(frames)
+}
+
+/// How far below the best of all starts each ends, dB: that of the run, the true pose, and moved ones.
+fn below(
+    encoder: &mut Encoder,
+    frame: &Picture,
+    truth: &Pose,
+    found: &FrameStats,
+) -> anyhow::Result<Vec<f64>> {
+    let depth = found.observability.length;
+    let moved = MOVED.map(|step| {
+        truth.stepped(&std::array::from_fn(|i| if i < 3 { step[i] * depth } else { step[i] }))
+    });
+    let mut reached = vec![found.render_psnr];
+    for start in [*truth].into_iter().chain(moved) {
+        encoder.reset();
+        reached.push(encoder.encode(frame, Some(start))?.stats.render_psnr);
+    }
+    let best = reached.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    Ok(reached.into_iter().map(|psnr| best - psnr).collect())
 }
 
 fn coder_setup(context: &Context) -> ResidualSetup {
@@ -182,6 +225,9 @@ fn summary(run: &Run) -> Summary {
         rotation_error_degrees: of(&|found| length(&found.error[3..]).to_degrees()),
         render_psnr: mean(&|found| found.stats.render_psnr),
         bytes: std::array::from_fn(|i| mean(&|found| found.bytes[i] as f64)),
+        starts_apart: (!frames[0].below.is_empty()).then(|| {
+            mean(&|found| f64::from(u8::from(found.below.iter().any(|below| *below > BELOW))))
+        }),
     }
 }
 
@@ -205,10 +251,11 @@ fn table(runs: &[Run]) -> Table {
     let what = ["condition", "file", "certain", "known", "render_psnr"];
     let both = ["error", "deviation"].map(|what| AXES.map(|axis| format!("{what} {axis}")));
     let header = what.map(str::to_owned).into_iter().chain(both.concat());
-    let mut table = Table::new(header.chain(TARGETS.map(|target| format!("bytes_{target}_db"))));
+    let header = header.chain(TARGETS.map(|target| format!("bytes_{target}_db")));
+    let mut table = Table::new(header.chain(["starts_below_db".to_owned()]));
     for Run { condition, frames } in runs {
         for found in frames {
-            let Found { file, error, stats, bytes } = found;
+            let Found { file, error, stats, bytes, below } = found;
             let told = [
                 condition.name().to_owned(),
                 file.clone(),
@@ -218,7 +265,9 @@ fn table(runs: &[Run]) -> Table {
             ];
             let numbers = error.iter().copied().chain(stats.pose_deviation());
             let bytes = bytes.map(|bytes| bytes.to_string());
-            table.push(told.into_iter().chain(numbers.map(|v| v.to_string())).chain(bytes));
+            let below: Vec<String> = below.iter().map(|below| fixed(*below, 3)).collect();
+            let row = told.into_iter().chain(numbers.map(|v| v.to_string())).chain(bytes);
+            table.push(row.chain([below.join(" ")]));
         }
     }
     table

@@ -15,6 +15,12 @@ pub fn print(runs: &[Summary]) {
             "off by {:.4} and {:.3}° (medians); render {:.2} dB; {low}, {middle}, {high} bytes at 29, 31, 33 dB",
             run.position_error, run.rotation_error_degrees, run.render_psnr
         );
+        if let Some(apart) = run.starts_apart {
+            println!(
+                "{:.1} % of the frames end more than 0.3 dB apart, by their start",
+                100.0 * apart
+            );
+        }
         let percent = |share: f64| fixed(100.0 * share, 1);
         let degrees = |axis: &Axis, value: f64| match axis.name.starts_with("about") {
             true => format!("{:.4}°", value.to_degrees()),
