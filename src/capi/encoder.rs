@@ -159,10 +159,10 @@ pub const NVSP_FRAME_UNDETERMINED: u32 = 8;
 
 /// The position is known within position_deviation and rotation_deviation. Navigate by no other: that the picture is
 /// confirmed (NVSP_FRAME_UNCERTAIN is not set) does not say where the camera is.
-pub const NVSP_FRAME_POSITION_KNOWN: u32 = 16;
+pub const NVSP_FRAME_POSITION_KNOWN: u32 = 128;
 
 /// The frame's time ended its search: see nvsp_encoder_options.frame_time. The search goes on in the next frames.
-pub const NVSP_FRAME_OUT_OF_TIME: u32 = 32;
+pub const NVSP_FRAME_OUT_OF_TIME: u32 = 16;
 
 /// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 /// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded

@@ -2,6 +2,8 @@
 
 #include "common.h"
 
+#include <math.h>
+
 static uint8_t *shown[MAX_FRAMES];  // What the encoder says that the topside will show.
 
 // Encodes the dive, and keeps its pictures.
@@ -31,7 +33,7 @@ static void the_encoders_pictures(void) {
         CHECK(memcmp(pixels, shown[i], dive.size) == 0);
         CHECK(info.frame == (uint32_t)i && info.width == dive.camera.width);
         CHECK(info.height == dive.camera.height && info.rows == info.height);
-        CHECK(info.damage == NVSP_OK && info.flags == 0);
+        CHECK(info.damage == NVSP_OK && info.flags == NVSP_FRAME_POSITION_KNOWN);
         CHECK(psnr(pixels, dive.pixels[i], dive.size) > 30);
     }
     // In any order, once the camera is known.
@@ -50,11 +52,11 @@ static void filtered(void) {
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_set_filter(both.decoder, 2));
     EXPECT(NVSP_OK, nvsp_decoder_set_filter(both.decoder, 1));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[1].bytes, packets[1].size, 0, &place, &info));
-    CHECK(info.flags == NVSP_DECODED_FILTERED && info.rows == info.height);
+    CHECK(info.flags == (NVSP_DECODED_FILTERED | NVSP_FRAME_POSITION_KNOWN) && info.rows == info.height);
     CHECK(psnr(pixels, shown[1], dive.size) > 30);
     EXPECT(NVSP_OK, nvsp_decoder_set_filter(both.decoder, 0));
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, packets[1].bytes, packets[1].size, 0, &place, &info));
-    CHECK(info.flags == 0 && memcmp(pixels, shown[1], dive.size) == 0);
+    CHECK(info.flags == NVSP_FRAME_POSITION_KNOWN && memcmp(pixels, shown[1], dive.size) == 0);
     free(pixels);
 }
 
@@ -82,14 +84,15 @@ static void headers(void) {
         CHECK(header.prior_id == (which == 0 ? prior.id : 0) && header.tag == tag);
         CHECK(header.width == (which == 0 ? dive.camera.width : 0));
         CHECK(header.height == (which == 0 ? dive.camera.height : 0));
-        CHECK(header.flags == (NVSP_HEADER_POSE | session));
+        CHECK(header.flags == (NVSP_HEADER_POSE | NVSP_FRAME_POSITION_KNOWN | session));
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, one.size, 0, NULL, &info));
         CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, NULL, &header));
-        CHECK(header.flags == session && header.pose.rotation[0] == 0);
+        CHECK(header.flags == (NVSP_FRAME_POSITION_KNOWN | session) && header.pose.rotation[0] == 0);
         // The latent part alone.
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, latent, both.prior, &header));
-        CHECK(header.flags == NVSP_HEADER_POSE && header.width == 0 && header.tag == tag);
+        CHECK(header.flags == (NVSP_HEADER_POSE | NVSP_FRAME_POSITION_KNOWN) && header.width == 0);
+        CHECK(header.tag == tag && header.position_deviation == info.position_deviation);
         CHECK(memcmp(&header.pose, &alone.pose, sizeof header.pose) == 0);
         for (size_t size = 0; size < latent; size++) {
             EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(one.bytes, size, both.prior, &header));
@@ -102,7 +105,9 @@ static void headers(void) {
     other[SESSION_LATENT] ^= 1;
     seal_session(other);
     EXPECT(NVSP_OK, nvsp_decode_header(other, sizeof other, both.prior, &header));
-    CHECK(header.flags == NVSP_HEADER_SESSION && header.prior_id == (prior.id ^ 1) && header.tag != tag);
+    CHECK(header.flags == (NVSP_HEADER_SESSION | NVSP_FRAME_POSITION_KNOWN));
+    CHECK(isinf(header.position_deviation) && isinf(header.rotation_deviation));
+    CHECK(header.prior_id == (prior.id ^ 1) && header.tag != tag);
     // A pose that is predicted from one that is not held: kind and frame number, the frame before, no base, no steps.
     uint8_t predicted[11] = {0x19, 0, 5};
     EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(predicted, sizeof predicted, both.prior, &header));

@@ -193,12 +193,17 @@ static void refused_hints(nvsp_encoder *encoder) {
     const struct {
         int at;
         double value;
-    } wrong[] = {{0, -1}, {7, nan}, {35, strtod("inf", NULL)}, {1, 1e-5}, {30, 0.5}};
+    } wrong[] = {{0, -1}, {7, nan}, {35, strtod("-inf", NULL)}, {1, 1e-5}, {30, 0.5}};
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         covariance_of(0.01, covariance);
         covariance[wrong[i].at] = wrong[i].value;
         refused(encoder, &info, "nvsp_frame_info.hint_covariance");
     }
+    // Nothing is known of an axis: not with what is known of another.
+    covariance_of(0.01, covariance);
+    covariance[35] = strtod("inf", NULL);
+    covariance[34] = covariance[29] = 1e-5;
+    refused(encoder, &info, "nvsp_frame_info.hint_covariance");
     // Symmetric, and a correlation above 1.
     covariance_of(0.01, covariance);
     covariance[2] = covariance[12] = 2e-4;

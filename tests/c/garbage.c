@@ -116,32 +116,24 @@ static void damaged_packets(void) {
     offer(bytes, damaged(bytes, one.size, sizeof bytes));
 }
 
-// Packets of a later version: another kind of pose, and a head with a bit that is not used. Their checks tell them from
-// garbage.
+// A packet of a later version: another kind of pose. Its check tells it from garbage.
 static void newer_packets(void) {
-    const size_t latents[] = {18, LATENT};
-    for (int i = 0; i < 2; i++) {
-        uint8_t bytes[64], frame[64];
-        size_t written = 77;
-        nvsp_header header = NVSP_INITIALIZER(nvsp_header);
-        const size_t latent = latents[i];
-        memcpy(bytes, packets[i].bytes, sizeof bytes);
-        if (i == 0) {
-            bytes[0] = 0x1e;
-        } else {
-            bytes[1] |= 0x40;
-        }
-        EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
-        seal_latent(bytes, latent);
-        EXPECT(NVSP_ERR_NEWER, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
-        CHECK(header.latent_bytes == 0 && header.frame == 0 && header.flags == 0);
-        EXPECT(NVSP_ERR_NEWER, nvsp_decode(both.decoder, bytes, sizeof bytes, 0, NULL, NULL));
-        const size_t length = start_of(bytes, sizeof bytes, frame);
-        EXPECT(NVSP_ERR_NEWER, nvsp_collector_push(collector, 0, frame, length, NULL));
-        EXPECT(NVSP_ERR_NEWER, nvsp_sender_push(unprotected, 0, bytes, sizeof bytes, NULL, 0, NULL));
-        EXPECT(NVSP_PENDING, nvsp_sender_next(unprotected, 0, frame, sizeof frame, &written));
-        CHECK(written == 77);
-    }
+    const size_t latent = 18;
+    uint8_t bytes[64], frame[64];
+    size_t written = 77;
+    nvsp_header header = NVSP_INITIALIZER(nvsp_header);
+    memcpy(bytes, packets[0].bytes, sizeof bytes);
+    bytes[0] = 0x1e;
+    EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
+    seal_latent(bytes, latent);
+    EXPECT(NVSP_ERR_NEWER, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));
+    CHECK(header.latent_bytes == 0 && header.frame == 0 && header.flags == 0);
+    EXPECT(NVSP_ERR_NEWER, nvsp_decode(both.decoder, bytes, sizeof bytes, 0, NULL, NULL));
+    const size_t length = start_of(bytes, sizeof bytes, frame);
+    EXPECT(NVSP_ERR_NEWER, nvsp_collector_push(collector, 0, frame, length, NULL));
+    EXPECT(NVSP_ERR_NEWER, nvsp_sender_push(unprotected, 0, bytes, sizeof bytes, NULL, 0, NULL));
+    EXPECT(NVSP_PENDING, nvsp_sender_next(unprotected, 0, frame, sizeof frame, &written));
+    CHECK(written == 77);
 }
 
 // A damaged difference picture, with its truth map, behind a matching check. Packet 1 has nothing else behind its

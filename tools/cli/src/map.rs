@@ -9,6 +9,7 @@ mod rehearsal;
 mod report;
 mod saved;
 mod shown;
+mod sides;
 mod structure;
 mod video;
 
@@ -35,8 +36,9 @@ use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
 use parts::PartsRun;
 use rehearsal::{Rehearsal, Worth};
-use report::Report;
+use report::{Found, Report};
 use saved::Saved;
+use sides::Sides;
 use structure::{Search, StructureArgs};
 use video::VideoArgs;
 
@@ -213,7 +215,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let rehearsal = Rehearsal { engine: &engine, options: &options, budget: args.rehearsal(&from) };
     let worth = rehearsal.run(&prior, &mapper, &points)?;
     made.write_trials(&worth);
-    report.finish(&mut mapper, prior.len(), forward, worth.as_ref())?;
+    let sides = Sides::of(&engine, &prior, &mapper)?;
+    sides.print();
+    if let Some(folder) = &args.report {
+        sides.draw(&engine, &prior, &folder.join("parallax.png"))?;
+    }
+    report.finish(&mut mapper, prior.len(), forward, &Found { worth, sides: Some(sides) })?;
     args.device.check(&engine)
 }
 

@@ -12,6 +12,7 @@ pub mod filter;
 mod fit;
 pub mod key_frames;
 pub mod mapper;
+pub mod parallax;
 pub mod parts;
 pub mod pose_trials;
 mod posed_picture;

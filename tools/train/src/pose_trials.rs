@@ -9,6 +9,9 @@ use crate::PosedPicture;
 const MOVED: [[f64; 6]; 2] =
     [[0.04, -0.03, 0.05, 0.03, -0.04, 0.03], [-0.05, 0.04, -0.03, -0.03, 0.05, -0.02]];
 
+/// Renders that a search may take after its first one: what a prior is not worth must not take long to learn.
+const LOST_RENDERS: u32 = 32;
+
 /// What became of pictures that were held out.
 #[derive(Clone, Debug, Default)]
 pub struct Tried {
@@ -58,8 +61,9 @@ pub fn try_poses(
     let Some(first) = pictures.first() else { return Ok(tried) };
     let scene = engine.upload(prior)?;
     // Pictures that are trained on are treated already.
-    let options =
+    let mut options =
         EncoderOptions { rate: None, frames_treated: true, truth: false, ..Default::default() };
+    options.refine.lost_renders = LOST_RENDERS;
     let mut encoder = Encoder::new(engine, &scene, &first.camera, options)?;
     while encoder.prepare(usize::MAX)? > 0 {}
     let from_nothing = !prior.key_frames().is_empty();

@@ -12,6 +12,7 @@ use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 use super::inputs::HeldOut;
 use super::rehearsal::Worth;
+use super::sides::Sides;
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Steps whose time counts: the last ones, with all splats in use.
@@ -63,6 +64,13 @@ impl Poses {
         });
         value.as_object().cloned().unwrap_or_default()
     }
+}
+
+/// What a mapping run is worth, as far as that was found out.
+#[derive(Default)]
+pub struct Found {
+    pub worth: Option<Worth>,
+    pub sides: Option<Sides>,
 }
 
 pub struct Report {
@@ -228,13 +236,13 @@ impl Report {
         })
     }
 
-    /// Writes the figures. `forward`: seconds of a forward render of the prior; `worth`: what a rehearsal came to.
+    /// Writes the figures. `forward`: seconds of a forward render of the prior; `found`: what the run is worth.
     pub fn finish(
         &mut self,
         mapper: &mut Mapper,
         splats: usize,
         forward: f64,
-        worth: Option<&Worth>,
+        found: &Found,
     ) -> anyhow::Result<()> {
         let trained = self.trained_psnr(mapper)?;
         let doubt = self.doubt(trained);
@@ -256,7 +264,8 @@ impl Report {
         let mut report = Poses::json(self.poses.as_ref());
         let training = json!({
             "held_out_psnr": self.psnr(),
-            "expected_pose_error": worth.map(Worth::json),
+            "expected_pose_error": found.worth.as_ref().map(Worth::json),
+            "parallax": found.sides.as_ref().map(Sides::json),
             "trained_psnr": trained,
             "held_out_doubtful": doubt,
             "held_out_psnr_by_split": splits,

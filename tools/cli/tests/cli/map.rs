@@ -22,7 +22,9 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     {
         assert!(report[key].as_f64().is_some_and(|v| v > 0.0), "{key} of {report}");
     }
-    for file in ["curve.csv", "curve.svg", "preview.png"] {
+    assert!(report["parallax"]["median_degrees"].is_number(), "{report}");
+    assert_eq!(report["expected_pose_error"], Value::Null, "so few pictures have no stretches");
+    for file in ["curve.csv", "curve.svg", "preview.png", "parallax.png"] {
         assert!(!dive.bytes(&format!("report/{file}")).is_empty(), "{file}");
     }
     let prior = Prior::open(&dive.path("a.ply"), &Default::default()).unwrap();
