@@ -19,10 +19,10 @@ use crate::residual::{
     Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
 };
 use crate::tracking::{
-    Clock, Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions, Tracker,
-    deviations,
+    Clock, Covariance, Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions,
+    Tracker, deviations,
 };
-use crate::{Camera, Encoded, Engine, Error, Picture, Rate};
+use crate::{Camera, Encoded, Engine, Error, FrameStats, Picture, Rate};
 
 use measured::Coding;
 
@@ -392,12 +392,7 @@ impl Encoder {
             _ => PoseProfile::Short,
         };
         self.tracker.set_profile(profile.word());
-        work.mask.clone_from(&self.mask);
-        work.interest.clone_from(&self.interest);
-        self.preprocessor.apply_by(&mut work.frame, self.mask.as_deref());
-        if let Some(mask) = &self.mask {
-            mask.level_out(&mut work.frame);
-        }
+        self.treat(work);
         self.tracker.set_deadline(deadline);
         self.tracker.set_costs(self.frame_time.as_ref().map(|time| time.costs).unwrap_or_default());
         work.coding = self.frame_time.as_ref().map(|time| time.coding.clone());
@@ -405,7 +400,6 @@ impl Encoder {
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
-        let frames_since_certain = self.frames_since_certain_with(&found);
         work.has_render_check = self.check_due();
         work.residual = Some(self.residual_setup());
         work.has_truth = has_truth(&self.options);
@@ -419,16 +413,10 @@ impl Encoder {
         }
         work.pose = pose.dequantise(&self.scene.coordinate_frame());
         let session = Session { prior: self.scene.id(), camera: self.camera };
-        let frame = self.scene.coordinate_frame();
-        let (unit, rounding) = (frame.unit(), pose.rounding(&frame));
-        let mut covariance = found.stated_covariance(self.scene.pose_doubt());
-        (0..6).for_each(|i| covariance[i][i] += rounding[i / 3]);
-        let navigable = self.scene.pose_doubt() <= PoseTrials::MAX_DOUBT;
-        let bound = PoseBound::of(&deviations(&covariance), unit).filter(|_| navigable);
-        let known = bound.map(|bound| bound.of_unit(unit));
+        let (covariance, known) = self.stated(&found, &pose);
         let latent = Latent {
             portable: self.engine.device().portable,
-            known: bound,
+            known,
             ..Latent::new(self.frame, &session, pose, !found.certain)?
         };
         let latent = match self.poses.as_ref().filter(|_| found.certain && !states_session) {
@@ -438,9 +426,44 @@ impl Encoder {
         (work.latent, work.session) = (Some(latent), Some(session));
         work.states_session = states_session;
         work.rate = self.options.rate;
+        let unit = self.scene.coordinate_frame().unit();
+        work.stats.covariance = covariance;
+        work.stats.known = known.map(|bound| bound.of_unit(unit));
+        work.stats.portable = latent.portable;
+        self.note(&found, &mut work.stats);
+        work.stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
+        Ok(found)
+    }
 
-        let stats = &mut work.stats;
+    /// Treats the frame as the prior's pictures were.
+    fn treat(&mut self, work: &mut FrameWork) {
+        work.mask.clone_from(&self.mask);
+        work.interest.clone_from(&self.interest);
+        self.preprocessor.apply_by(&mut work.frame, self.mask.as_deref());
+        if let Some(mask) = &self.mask {
+            mask.level_out(&mut work.frame);
+        }
+    }
+
+    /// How far a pose may be off, and within how much it is known.
+    fn stated(
+        &self,
+        found: &PoseEstimate,
+        pose: &QuantisedPose,
+    ) -> (Covariance, Option<PoseBound>) {
+        let frame = self.scene.coordinate_frame();
+        let mut covariance = found.stated_covariance(self.scene.pose_doubt());
+        let rounding = pose.rounding(&frame);
+        (0..6).for_each(|i| covariance[i][i] += rounding[i / 3]);
+        let navigable = self.scene.pose_doubt() <= PoseTrials::MAX_DOUBT;
+        let bound = PoseBound::of(&deviations(&covariance), frame.unit());
+        (covariance, bound.filter(|_| navigable))
+    }
+
+    /// Notes what the search took and gave.
+    fn note(&mut self, found: &PoseEstimate, stats: &mut FrameStats) {
         stats.renders.clear();
+        let renderer = self.tracker.objective().renderer();
         let renders = renderer.renders().iter().zip(&self.renders_before);
         stats.renders.extend(renders.map(|(after, before)| after - before));
         stats.full_renders = stats.renders[0];
@@ -450,13 +473,9 @@ impl Encoder {
         stats.stop = found.outcome.stop;
         stats.submissions = found.submissions;
         stats.observability = found.observability;
-        (stats.covariance, stats.known) = (covariance, known);
         stats.certain = found.certain;
         stats.out_of_time = self.tracker.out_of_time();
-        stats.portable = latent.portable;
-        stats.frames_since_certain = frames_since_certain;
-        stats.refine_milliseconds = since.elapsed().as_secs_f64() * 1e3;
-        Ok(found)
+        stats.frames_since_certain = self.frames_since_certain_with(found);
     }
 
     /// States what the frame may be predicted from.
