@@ -59,7 +59,7 @@ pub fn is_predicted(packet: &[u8]) -> bool {
     packet.first().is_some_and(|first| first & POSE == PREDICTED)
 }
 
-/// A complete packet's checks match, but for one that needs other poses.
+/// A complete packet's checks match, unless it needs other poses.
 pub fn check_complete(bytes: &[u8]) {
     let extent = Extent::read(bytes).expect("a complete packet has a start");
     assert_eq!(extent.whole, Some(bytes.len()), "a complete packet is whole");

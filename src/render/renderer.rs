@@ -678,7 +678,7 @@ impl Renderer {
         let params = if sparse & 1 == 1 { &level.sparse } else { &level.params };
         let tiles = (params.tiles_x * params.tiles_y) as usize;
         let sums = self.framed().tile_sums_read.read::<f32>(tiles * SUMS as usize);
-        TileSums::new(sums, params)
+        TileSums { sums, params: *params }
     }
 
     fn searched(&self) -> Search {

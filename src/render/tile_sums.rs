@@ -7,28 +7,22 @@ use crate::shared::{Params, SUMS};
 pub(crate) struct TileSums<'a> {
     /// [`SUMS`] of each tile that was drawn, row by row.
     pub sums: &'a [f32],
-    /// Columns and rows of the whole picture, tiles.
-    pub picture: [usize; 2],
-    /// The first row that was drawn, and the distance of those that were.
-    pub first_row: usize,
-    pub row_step: usize,
+    /// Which tiles these are.
+    pub params: Params,
 }
 
 impl<'a> TileSums<'a> {
-    pub fn new(sums: &'a [f32], params: &Params) -> TileSums<'a> {
-        TileSums {
-            sums,
-            picture: [params.tiles_x as usize, params.picture_rows() as usize],
-            first_row: params.row_first as usize,
-            row_step: 1 << (params.row_shift & 31),
-        }
+    /// Columns and rows of the whole picture, tiles.
+    pub fn picture(&self) -> [usize; 2] {
+        [self.params.tiles_x as usize, self.params.picture_rows() as usize]
     }
 
     /// Column, row and sums of each tile that was drawn.
     pub fn iter(&self) -> impl Iterator<Item = (usize, usize, &'a [f32])> {
-        let TileSums { sums, picture: [columns, _], first_row, row_step } = *self;
-        sums.chunks_exact(SUMS as usize)
-            .enumerate()
-            .map(move |(tile, sums)| (tile % columns, first_row + tile / columns * row_step, sums))
+        let TileSums { sums, params } = *self;
+        let columns = params.tiles_x as usize;
+        sums.chunks_exact(SUMS as usize).enumerate().map(move |(tile, sums)| {
+            (tile % columns, params.tile_row((tile / columns) as u32) as usize, sums)
+        })
     }
 }

@@ -184,7 +184,7 @@ fn add_square(covariance: &mut Covariance, v: &Step, factor: f64) {
 
 /// Adds the tiles' sums up to blocks.
 fn sum_blocks(tiles: &TileSums, blocks: &mut [Sums; BLOCKS * BLOCKS]) {
-    let [columns, rows] = tiles.picture;
+    let [columns, rows] = tiles.picture();
     let side = columns.max(rows).div_ceil(BLOCKS).max(1);
     for (column, row, sums) in tiles.iter() {
         let block = &mut blocks[row / side * BLOCKS + column / side];
@@ -194,8 +194,11 @@ fn sum_blocks(tiles: &TileSums, blocks: &mut [Sums; BLOCKS * BLOCKS]) {
 
 #[cfg(test)]
 mod tests {
+    use bytemuck::Zeroable;
+
     use super::*;
     use crate::random::Random;
+    use crate::shared::{Params, TILE};
 
     const PICTURE: [usize; 2] = [40, 20];
 
@@ -240,7 +243,9 @@ mod tests {
     }
 
     fn judged(sums: &[f32]) -> PoseCovariance {
-        let tiles = TileSums { sums, picture: PICTURE, first_row: 0, row_step: 1 };
+        let [tiles_x, rows] = PICTURE.map(|side| side as u32);
+        let params = Params { tiles_x, height: rows * TILE, ..Params::zeroed() };
+        let tiles = TileSums { sums, params };
         PoseCovariance::of(&tiles, 1.0, 4e-4)
     }
 

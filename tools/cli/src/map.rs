@@ -351,13 +351,13 @@ impl Made<'_> {
 
     /// Changes what the written prior holds besides its splats.
     fn add(&self, change: impl FnOnce(&mut Extras)) -> anyhow::Result<()> {
-        let prior = Prior::open(&self.args.out, &Default::default())?;
-        if !prior.report().format.is_own() {
+        let file = PriorFile::open(&self.args.out, None)?;
+        if !file.prior.report().format.is_own() {
             return Ok(());
         }
-        let mut extras = prior.extras().clone();
+        let mut extras = file.prior.extras().clone();
         change(&mut extras);
-        PriorFile::open(&self.args.out, None)?.save_extras(&extras)?;
+        file.save_extras(&extras)?;
         Ok(())
     }
 }

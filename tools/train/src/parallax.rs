@@ -114,9 +114,10 @@ impl Parallax {
         let middle = |axis: usize| median(places.iter().map(|place| place[axis]).collect());
         let about = DVec3::new(middle(0)?, middle(1)?, middle(2)?);
         let from = usual(views, about)?;
+        let seen = from.rotation * about + from.translation;
         let distance = |to: DVec3| move |pose: &Pose| (pose.centre() - to).length();
         let turned = |(side, axis, angle): (&'static str, DVec3, f64)| Wanted {
-            pose: orbited(&from, about, axis, angle.to_radians()),
+            pose: orbited(&from, seen, axis, angle.to_radians()),
             about,
             side,
         };
@@ -145,9 +146,9 @@ fn usual(views: &[(Camera, Pose)], to: DVec3) -> Option<Pose> {
     poses.get(poses.len() / 2).copied()
 }
 
-/// A camera that went round a point by an angle, about an axis of its own through that point; it turns as much.
-fn orbited(pose: &Pose, about: DVec3, axis: DVec3, angle: f64) -> Pose {
-    let seen = pose.rotation * about + pose.translation;
+/// A camera that went round a point by an angle, about an axis of its own through that point; it turns as much. `seen`:
+/// the point, in the camera's axes.
+pub fn orbited(pose: &Pose, seen: DVec3, axis: DVec3, angle: f64) -> Pose {
     let rotation = DQuat::from_axis_angle(axis, angle);
     Pose { rotation, translation: seen - rotation * seen }.after(pose)
 }
@@ -194,7 +195,7 @@ mod tests {
         let pose = Pose::from_wxyz([0.9, 0.1, -0.3, 0.2], [1.0, -2.0, 3.0]).unwrap();
         let about = pose.inverse().rotation * DVec3::new(0.1, -0.2, 2.0) + pose.centre();
         for axis in [DVec3::X, DVec3::Y] {
-            let other = orbited(&pose, about, axis, 0.5);
+            let other = orbited(&pose, DVec3::new(0.1, -0.2, 2.0), axis, 0.5);
             let (before, after) = (pose.centre() - about, other.centre() - about);
             assert!((before.length() - after.length()).abs() < 1e-9);
             let seen = [pose, other].map(|pose| pose.rotation * about + pose.translation);

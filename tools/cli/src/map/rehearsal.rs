@@ -8,13 +8,14 @@
 
 use std::time::{Duration, Instant};
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use nvsprior::prior::{Extras, PoseTrials, Splats};
 use nvsprior::{Camera, Engine, Pose, Prior};
 use nvsprior_inputs::args::progress;
 use nvsprior_train::PosedPicture;
 use nvsprior_train::key_frames::{ANGLE, Sample, Thinned};
 use nvsprior_train::mapper::{ColouredPoint, MapOptions, Mapper};
+use nvsprior_train::parallax::orbited;
 use nvsprior_train::pose_trials::{Tried, try_poses};
 use serde_json::{Value, json};
 
@@ -30,8 +31,10 @@ const END: usize = 24;
 const STRETCH: usize = 16;
 /// Most pictures that are looked for, of those that were held out and of those from beside the run.
 const TRIED: usize = 16;
-/// How far beside the run they are drawn from: turns about what the picture shows, to the side and upwards, degrees.
-const BESIDE: [[f64; 2]; 4] = [[10.0, 0.0], [0.0, 8.0], [-10.0, 0.0], [0.0, -8.0]];
+/// How far beside the run they are drawn from: axes of the camera, and turns
+/// about them around what the picture shows, degrees.
+const BESIDE: [(DVec3, f64); 4] =
+    [(DVec3::Y, 10.0), (DVec3::X, 8.0), (DVec3::Y, -10.0), (DVec3::X, -8.0)];
 /// If fewer of the searches than this are certain, or poses are further off than this part of the depth of the scene in
 /// one of ten cases, a dive gets a warning.
 const FOUND: f64 = 0.8;
@@ -123,21 +126,14 @@ impl Rehearsal<'_> {
     ) -> anyhow::Result<Vec<PosedPicture>> {
         let mut renderer = PictureRenderer::new(self.engine, delivered)?;
         let every = views.len().div_ceil(TRIED);
-        let draw = |((camera, pose), turn): (&(Camera, Pose), &[f64; 2])| {
-            let pose = orbited(pose, depth, turn.map(f64::to_radians));
+        let seen = DVec3::new(0.0, 0.0, depth);
+        let draw = |((camera, pose), (axis, degrees)): (&(Camera, Pose), &(DVec3, f64))| {
+            let pose = orbited(pose, seen, *axis, degrees.to_radians());
             let picture = renderer.render(camera, &pose)?.clone();
             Ok(PosedPicture::new(*camera, pose, picture))
         };
         views.iter().step_by(every).zip(BESIDE.iter().cycle()).map(draw).collect()
     }
-}
-
-/// A camera that was turned about what it looks at, to the side and upwards, radians; `depth`: how far away that is.
-fn orbited(pose: &Pose, depth: f64, [side, up]: [f64; 2]) -> Pose {
-    let about = DVec3::new(0.0, 0.0, depth);
-    let rotation = DQuat::from_rotation_y(side) * DQuat::from_rotation_x(up);
-    let turn = Pose { rotation, translation: about - rotation * about };
-    turn.after(pose)
 }
 
 /// Whether a picture of so many is held out of a rehearsal: at the run's ends, and in two stretches.
@@ -231,11 +227,11 @@ mod tests {
     fn an_orbiting_camera_looks_at_the_same_point_from_the_same_distance() {
         let pose = Pose::from_wxyz([0.9, 0.1, -0.3, 0.2], [1.0, -2.0, 3.0]).unwrap();
         let looked_at = pose.inverse().rotation * DVec3::new(0.0, 0.0, 2.5) + pose.centre();
-        for turn in BESIDE {
-            let other = orbited(&pose, 2.5, turn.map(f64::to_radians));
+        for (axis, degrees) in BESIDE {
+            let other = orbited(&pose, DVec3::new(0.0, 0.0, 2.5), axis, degrees.to_radians());
             let seen = other.rotation * looked_at + other.translation;
             assert!((seen - DVec3::new(0.0, 0.0, 2.5)).length() < 1e-9);
-            let wanted = 2.0 * 2.5 * (turn[0] + turn[1]).to_radians().abs().sin() / 2.0;
+            let wanted = 2.0 * 2.5 * degrees.to_radians().abs().sin() / 2.0;
             let moved = (other.centre() - pose.centre()).length();
             assert!((moved / wanted - 1.0).abs() < 0.01, "{moved} {wanted}");
         }
