@@ -301,9 +301,9 @@ gpu-check:
 	$${CARGO_TARGET_DIR:-target}/debug/gpu-check $(if $(RENEW),--renew)
 
 frame-times: $(if $(PRIOR),,demo)
-	cargo run --release --bin nvsprior -- bench --frame-times \
+	cargo run --release --bin nvsprior -- bench --frame-times$(if $(MS),=$(MS)) \
 		--prior $(or $(PRIOR),demo-out/prior.ply) --cameras $(or $(CAMERAS),demo-out/T1/cameras.json) \
-		--report target/frame-times $(if $(MS),--frame-time $(MS))
+		--report target/frame-times
 
 device-report:
 	@scripts/setup.sh run

@@ -26,9 +26,9 @@ def run(*arguments):
     subprocess.run([PROGRAM, *map(str, arguments)], check=True)
 
 
-def bench(name, out, *arguments):
+def bench(name, out, *arguments, poses="--poses"):
     """The figures of each condition."""
-    run("bench", "--poses", "--report", out / name, *arguments)
+    run("bench", poses, "--report", out / name, *arguments)
     return [(name, summary) for summary in json.loads((out / name / "poses.json").read_text())]
 
 
@@ -41,8 +41,7 @@ def drawn(out, frames):
         cameras = folder / name / "cameras.json"
         run_of = ("--prior", PRIOR, "--cameras", cameras)
         yield from bench(f"poses-{name}-{number}", out, *run_of)
-        yield from bench(f"changed-{name}-{number}", out, *run_of, "--limit", CHANGED,
-                         "--poses-conditions", CONDITIONS)
+        yield from bench(f"changed-{name}-{number}", out, *run_of, "--limit", CHANGED, poses=f"--poses={CONDITIONS}")
 
 
 def real(out):

@@ -154,8 +154,7 @@ impl Encoder {
         let made = objective(engine, scene, camera, &options, &interrupt)?;
         let (objective, frame_time) = timed(made, engine, camera, &options)?;
         let (threshold, profile) = (options.threshold, options.profile.word());
-        let mut tracker = Tracker::new(objective, options.refine, threshold, profile);
-        tracker.set_clock(&options.clock);
+        let tracker = Tracker::new(objective, options.refine, threshold, profile);
         Ok(Encoder {
             engine: engine.clone(),
             scene: scene.clone(),
@@ -379,7 +378,7 @@ impl Encoder {
     /// Treats a frame, finds its pose and draws it. Changes nothing that the next frame goes on from.
     fn track(&mut self, work: &mut FrameWork) -> Result<PoseEstimate, Error> {
         let since = Instant::now();
-        let deadline = self.frame_time.as_ref().map(FrameTime::deadline);
+        let limit = self.frame_time.as_ref().map(FrameTime::limit);
         self.check_frame(&work.frame)?;
         let info = work.info;
         self.check_info(&info)?;
@@ -393,8 +392,7 @@ impl Encoder {
         };
         self.tracker.set_profile(profile.word());
         self.treat(work);
-        self.tracker.set_deadline(deadline);
-        self.tracker.set_costs(self.frame_time.as_ref().map(|time| time.costs).unwrap_or_default());
+        self.tracker.set_time_limit(limit);
         work.coding = self.frame_time.as_ref().map(|time| time.coding.clone());
         let found = self.tracker.track(&work.frame, &info)?;
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;

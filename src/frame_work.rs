@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::frame_time::CodingTime;
 use crate::image::{Mask, psnr_of_mse};
 use crate::packet::{Latent, RenderCheck, Residual, Session};
 use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
     Viewpoint,
 };
+use crate::tracking::StepTime;
 use crate::truth::{Base, Compared, TruthEncoder};
 use crate::{Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 
@@ -42,7 +42,7 @@ pub(crate) struct FrameWork {
     pub depths: Vec<f32>,
     pub pose: Pose,
     /// Where the time of coding is noted; `None`: nowhere.
-    pub coding: Option<CodingTime>,
+    pub coding: Option<StepTime>,
     /// As far as they are known.
     pub stats: FrameStats,
     pub encoded: Encoded,
@@ -69,12 +69,12 @@ impl FrameWork {
 
     /// Codes the frame's difference picture. Writes the packet and the picture that the topside will show to `encoded`.
     pub fn code(&mut self, coders: &mut Coders) -> Result<(), Error> {
-        let begun = self.coding.as_ref().map(CodingTime::now);
+        let begun = self.coding.as_ref().map(StepTime::now);
         let mut encoded = std::mem::take(&mut self.encoded);
         let coded = self.code_into(coders, &mut encoded);
         self.encoded = encoded;
         if let (Some(coding), Some(begun)) = (&self.coding, begun) {
-            coding.note(begun);
+            coding.note(begun, 1);
         }
         coded
     }

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use crate::frame_time::{CodingTime, FrameTime};
+use crate::frame_time::FrameTime;
 use crate::frame_work::{Coders, FrameWork};
 use crate::packet::{Latent, PoseProfile, QuantisedPose, Session};
 use crate::render::Scene;
 use crate::residual::ResidualSetup;
-use crate::tracking::{Clock, Costs, Objective};
+use crate::tracking::{Clock, Objective, SearchSteps, StepTime};
 use crate::{Camera, Error, Picture, Pose, Rate};
 
 /// Key frames at which renders are timed.
@@ -35,8 +35,8 @@ pub(super) fn frame_time(
 ) -> Result<FrameTime, Error> {
     let scene = objective.renderer().scene().clone();
     let poses = views(&scene);
-    let costs = Costs::measure(objective, clock, &poses)?;
-    let coding = CodingTime::new(clock);
+    let search = SearchSteps::measure(clock, objective, &poses)?;
+    let coding = StepTime::new(clock);
     let mut render = Picture::new(camera.width, camera.height);
     objective.renderer().picture(&poses[0], &mut render)?;
     let mut coders = Coders::new(how.setup, how.has_truth);
@@ -55,20 +55,20 @@ pub(super) fn frame_time(
             coded => coded?,
         }
     }
-    FrameTime::new(most, costs, coding)
+    FrameTime::new(most, search, coding)
 }
 
-/// Poses at which much of the prior is seen: the first is that of a key frame, if there is one; the last shows all.
+/// Poses of key frames or, if there are none, one at which all of the prior is seen.
 fn views(scene: &Scene) -> Vec<Pose> {
     let key_frames = scene.key_frames().poses();
     let step = key_frames.len().div_ceil(KEY_FRAMES).max(1);
-    let mut views: Vec<Pose> = key_frames.iter().step_by(step).copied().collect();
-    let centre = scene.centre();
+    if !key_frames.is_empty() {
+        return key_frames.iter().step_by(step).copied().collect();
+    }
     let mut all = Pose::IDENTITY;
-    all.translation = -centre;
+    all.translation = -scene.centre();
     all.translation.z += 2.0 * f64::from(scene.coordinate_frame().spread);
-    views.push(all);
-    views
+    vec![all]
 }
 
 /// A picture moved to the left: it differs from the render as one from another pose does.

@@ -2,42 +2,90 @@
 
 use std::time::Duration;
 
-use super::schedule_limit::Room;
-use super::{Clock, Costs};
+use super::StepTime;
+
+/// A search takes one evaluation and its picture at least.
+pub const LEAST: u32 = 2;
+/// So many renders of coarse levels count, in time, as one at full size, of four times as many pixels.
+pub const COARSE: u32 = 4;
 
 /// What the frame under way may still take. By default all that its search asks for.
 #[derive(Debug, Default)]
 pub struct Budget {
-    clock: Clock,
-    costs: Costs,
-    /// When the search must have ended, by the clock.
-    deadline: Option<Duration>,
-    /// The number of renders, since the renderer was made, at which it must have ended.
+    time: Option<TimeLimit>,
+    /// The number of renders, since the renderer was made, at which the search must have ended.
     end: Option<u64>,
     /// Whether the clock has kept a step from being taken whole.
     out_of_time: bool,
 }
 
+/// When a search must have ended.
+#[derive(Clone, Debug)]
+pub struct TimeLimit {
+    pub end: Duration,
+    /// How long steps take; their clock is that of `end`.
+    pub steps: SearchSteps,
+}
+
+/// How long the steps of a search take.
+#[derive(Clone, Debug)]
+pub struct SearchSteps {
+    /// A render of a coarse level.
+    pub coarse: StepTime,
+    /// A render of which the corners are taken.
+    pub look: StepTime,
+}
+
+/// Renders that a search may take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Of any level.
+    pub renders: u32,
+    /// As their time goes, in renders of coarse levels.
+    pub time: u32,
+}
+
+impl SearchSteps {
+    /// How long a render at full size takes.
+    pub fn full_render(&self) -> Duration {
+        COARSE * self.coarse.longest()
+    }
+}
+
+impl Room {
+    /// Without bounds.
+    pub const ALL: Room = Room { renders: u32::MAX, time: u32::MAX };
+
+    /// Whether there is room for renders at full size and of coarse levels.
+    pub fn holds(&self, full: u32, coarse: u32) -> bool {
+        full + coarse <= self.renders && COARSE * full + coarse <= self.time
+    }
+
+    /// What is left after these.
+    pub fn after(&self, full: u32, coarse: u32) -> Room {
+        Room {
+            renders: self.renders.saturating_sub(full + coarse),
+            time: self.time.saturating_sub(COARSE * full + coarse),
+        }
+    }
+}
+
+impl TimeLimit {
+    /// How often there is time for a step.
+    fn times(&self, step: &StepTime) -> u32 {
+        let left = self.end.saturating_sub(step.now()).as_nanos();
+        match step.longest().as_nanos() {
+            _ if left == 0 => 0,
+            0 => u32::MAX,
+            one => (left / one).min(u32::MAX.into()) as u32,
+        }
+    }
+}
+
 impl Budget {
-    /// One that goes by a clock.
-    pub fn new(clock: Clock) -> Budget {
-        Budget { clock, ..Budget::default() }
-    }
-
-    /// What steps take from here on.
-    pub fn set_costs(&mut self, costs: Costs) {
-        self.costs = costs;
-    }
-
-    /// Begins a frame, of which the search must end at `deadline`. Its renders are not bounded yet.
-    pub fn begin(&mut self, deadline: Option<Duration>) {
-        (self.deadline, self.out_of_time) = (deadline, false);
-        self.unbound();
-    }
-
-    /// Renders are not bounded from here on.
-    pub fn unbound(&mut self) {
-        self.end = None;
+    /// Begins a frame. Its renders are not bounded yet.
+    pub fn begin(&mut self, time: Option<TimeLimit>) {
+        *self = Budget { time, ..Budget::default() };
     }
 
     /// Bounds the renders from here on: `renders` so far, and `most` more. What was bounded stays so.
@@ -45,54 +93,63 @@ impl Budget {
         self.end.get_or_insert(renders + u64::from(most));
     }
 
-    /// Renders that may still be taken beside the picture that is sent: evaluations, and a picture at their end.
-    /// `renders`: those so far.
-    pub fn renders(&mut self, renders: u64) -> u32 {
-        let (counted, timed) = (self.counted(renders), self.searches(Duration::ZERO));
-        self.least(counted, timed)
-    }
-
-    /// Room for a search.
+    /// Room beside the picture that is sent. `renders`: those so far.
     pub fn room(&self, renders: u64) -> Room {
-        let (counted, timed) = (self.counted(renders), self.searches(Duration::ZERO));
-        Room { counted, timed, per_coarse: self.per_coarse() }
+        let time = self.time.as_ref().map_or(u32::MAX, |time| time.times(&time.steps.coarse));
+        Room { renders: self.counted(renders), time }
     }
 
-    /// Room for a frame's first search: only its time is bounded, and its own picture is sent.
+    /// As [`room`](Self::room) for a frame's first search: only its time is bounded, and its own picture is sent.
     pub fn first_room(&self) -> Room {
-        let timed = self.searches(self.costs.picture);
-        Room { counted: u32::MAX, timed, per_coarse: self.per_coarse() }
+        let Room { time, .. } = self.room(0);
+        Room { renders: u32::MAX, time: time.saturating_add(COARSE) }
     }
 
-    /// Evaluations of a coarse level that take as long as one at full size.
-    fn per_coarse(&self) -> u32 {
-        const MOST: u32 = 8;
-        times(Some(self.costs.evaluation), self.costs.coarse).clamp(1, MOST)
+    /// Whether there is room for renders at full size beside the picture that is sent.
+    pub fn holds(&mut self, renders: u64, full: u32) -> bool {
+        let room = self.room(renders);
+        let holds = room.holds(full, 0);
+        self.out_of_time |= !holds && full <= room.renders;
+        holds
     }
 
-    /// As [`renders`](Self::renders), for renders of which the corners are taken.
+    /// Renders of which the corners are taken, beside the picture that is sent.
     pub fn looks(&mut self, renders: u64) -> u32 {
-        let (counted, timed) = (self.counted(renders), times(self.left(), self.costs.look));
-        self.least(counted, timed)
+        let timed = self.time.as_ref().map_or(u32::MAX, |time| time.times(&time.steps.look));
+        let counted = self.counted(renders);
+        self.out_of_time |= timed == 0 && counted > 0;
+        counted.min(timed)
     }
 
     /// Whether the clock allows a step of the host.
     pub fn has_time(&mut self) -> bool {
-        let has_time = self.deadline.is_none_or(|deadline| self.clock.now() < deadline);
+        let has_time = self.room(0).time > 0;
         self.out_of_time |= !has_time;
         has_time
     }
 
-    /// Notes that a search was cut short, or left out. If the clock allows less than the count does, it was the clock.
-    pub fn note_cut(&mut self, renders: u64) {
-        let (counted, timed) = (self.counted(renders), self.searches(Duration::ZERO));
-        self.out_of_time |= timed < counted;
+    /// Notes that a search did not arrive, or did not begin, in a room that time alone may have bounded.
+    pub fn note_cut(&mut self, room: &Room) {
+        self.out_of_time |= room.time / COARSE < room.renders;
     }
 
-    /// Notes whether it is the clock that allows nothing.
-    fn least(&mut self, counted: u32, timed: u32) -> u32 {
-        self.out_of_time |= timed == 0 && counted > 0;
-        counted.min(timed)
+    /// When a step begins, if its time counts.
+    pub fn now(&self) -> Option<Duration> {
+        self.time.as_ref().map(|time| time.steps.coarse.now())
+    }
+
+    /// Notes that so many renders at full size and of coarse levels have been taken since then.
+    pub fn note_renders(&self, begun: Option<Duration>, full: u32, coarse: u32) {
+        if let (Some(time), Some(begun)) = (&self.time, begun) {
+            time.steps.coarse.note(begun, COARSE * full + coarse);
+        }
+    }
+
+    /// Notes that so many renders, of which the corners were taken, have been taken since then.
+    pub fn note_looks(&self, begun: Option<Duration>, renders: u64) {
+        if let (Some(time), Some(begun)) = (&self.time, begun) {
+            time.steps.look.note(begun, renders as u32);
+        }
     }
 
     fn counted(&self, renders: u64) -> u32 {
@@ -101,35 +158,9 @@ impl Budget {
         self.end.map_or(u32::MAX, left)
     }
 
-    /// Renders of a search for which there is time, its picture included; `more`: time beside what is left.
-    fn searches(&self, more: Duration) -> u32 {
-        let left = self.left().map(|left| (left + more).checked_sub(self.costs.picture));
-        match left {
-            None => u32::MAX,
-            Some(None) => 0,
-            Some(Some(Duration::ZERO)) if self.costs.picture.is_zero() => 0,
-            Some(left) => times(left, self.costs.evaluation).saturating_add(1),
-        }
-    }
-
-    /// Time until the search must have ended; `None`: without end.
-    fn left(&self) -> Option<Duration> {
-        self.deadline.map(|deadline| deadline.saturating_sub(self.clock.now()))
-    }
-
     /// Whether the clock has kept a step of the frame from being taken whole.
     pub fn out_of_time(&self) -> bool {
         self.out_of_time
-    }
-}
-
-/// How often a step fits into a time.
-fn times(left: Option<Duration>, step: Duration) -> u32 {
-    let Some(left) = left else { return u32::MAX };
-    match (left.as_nanos(), step.as_nanos()) {
-        (0, _) => 0,
-        (_, 0) => u32::MAX,
-        (left, step) => (left / step).min(u32::MAX.into()) as u32,
     }
 }
 
@@ -138,85 +169,85 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU64, Ordering};
 
+    use super::super::Clock;
     use super::*;
 
     fn milliseconds(count: u64) -> Duration {
         Duration::from_millis(count)
     }
 
-    /// A budget with a clock that the returned counter sets, milliseconds.
-    fn budget() -> (Budget, Arc<AtomicU64>) {
+    /// Steps by a clock that the counter sets, milliseconds; it is at 100.
+    fn steps() -> (SearchSteps, Arc<AtomicU64>) {
         let time = Arc::new(AtomicU64::new(100));
         let told = time.clone();
         let clock = Clock::new(move || milliseconds(told.load(Ordering::Relaxed)));
-        let mut budget = Budget::new(clock);
-        budget.set_costs(Costs {
-            picture: milliseconds(10),
-            evaluation: milliseconds(20),
-            coarse: milliseconds(5),
-            look: milliseconds(30),
-        });
-        (budget, time)
+        (SearchSteps { coarse: StepTime::new(&clock), look: StepTime::new(&clock) }, time)
     }
 
     #[test]
     fn without_bounds_all_is_allowed() {
-        let (mut budget, _) = budget();
-        budget.begin(None);
-        assert_eq!((budget.renders(7), budget.looks(7)), (u32::MAX, u32::MAX));
-        assert!(budget.has_time() && !budget.out_of_time());
+        let mut budget = Budget::default();
+        assert_eq!((budget.room(7), budget.first_room()), (Room::ALL, Room::ALL));
+        assert!(budget.holds(7, 100) && budget.has_time() && budget.now().is_none());
+        assert!(!budget.out_of_time());
     }
 
     #[test]
     fn a_render_is_kept_for_what_is_sent() {
-        let (mut budget, _) = budget();
-        budget.begin(None);
+        let mut budget = Budget::default();
         budget.bound(50, 4);
-        assert_eq!([50, 52, 53, 54, 60].map(|so_far| budget.renders(so_far)), [3, 1, 0, 0, 0]);
+        assert_eq!([50, 52, 53, 54, 60].map(|so_far| budget.room(so_far).renders), [3, 1, 0, 0, 0]);
+        assert!(budget.holds(50, 3) && !budget.holds(50, 4));
         budget.bound(52, 4);
-        assert_eq!(budget.renders(50), 3, "the first bound holds");
+        assert_eq!((budget.room(50).renders, budget.looks(50)), (3, 3), "the first bound holds");
+        budget.note_cut(&budget.room(50));
         assert!(!budget.out_of_time(), "not by the clock");
         budget.begin(None);
-        assert_eq!(budget.renders(60), u32::MAX);
+        assert_eq!(budget.room(60), Room::ALL);
     }
 
     #[test]
     fn time_is_counted_in_steps() {
-        let (mut budget, time) = budget();
-        budget.begin(Some(milliseconds(165)));
-        assert_eq!((budget.renders(0), budget.looks(0)), (3, 2), "two evaluations, a picture");
-        assert_eq!(budget.room(0), Room { counted: u32::MAX, timed: 3, per_coarse: 4 });
-        assert_eq!(budget.first_room().timed, 4, "the picture that is sent is its own");
-        assert!(budget.has_time() && !budget.out_of_time());
-        time.store(140, Ordering::Relaxed);
-        assert_eq!((budget.renders(0), budget.out_of_time()), (1, false), "a picture");
-        assert_eq!((budget.looks(0), budget.out_of_time()), (0, true));
-        time.store(200, Ordering::Relaxed);
+        let (steps, time) = steps();
+        steps.coarse.note(milliseconds(95), 1);
+        steps.look.note(milliseconds(70), 1);
+        let mut budget = Budget::default();
+        budget.begin(Some(TimeLimit { end: milliseconds(165), steps: steps.clone() }));
+        let times = (budget.room(0).time, budget.first_room().time, budget.looks(0));
+        assert_eq!((times, steps.full_render()), ((13, 17, 2), milliseconds(20)));
+        assert!(budget.holds(0, 3) && budget.has_time() && !budget.out_of_time());
+        assert!(!budget.holds(0, 4) && budget.out_of_time());
+        let begun = budget.now();
+        time.store(300, Ordering::Relaxed);
         assert!(!budget.has_time());
-        budget.begin(Some(milliseconds(300)));
-        assert!(!budget.out_of_time(), "another frame");
+        budget.note_renders(begun, 4, 4);
+        budget.note_looks(begun, 2);
+        let longest = [&steps.coarse, &steps.look].map(StepTime::longest);
+        assert_eq!(longest, [10, 100].map(milliseconds), "what they take now");
+        budget.begin(Some(TimeLimit { end: milliseconds(500), steps }));
         budget.bound(0, 4);
-        assert_eq!(budget.renders(0), 3, "the count is the narrower bound");
-        budget.note_cut(0);
-        assert!(!budget.out_of_time());
-        budget.begin(Some(milliseconds(205)));
-        assert_eq!(
-            (budget.renders(0), budget.first_room().timed, budget.out_of_time()),
-            (0, 1, true)
-        );
-        budget.begin(Some(milliseconds(250)));
-        budget.bound(0, 9);
-        budget.note_cut(0);
+        assert!(!budget.holds(0, 4));
+        budget.note_cut(&budget.room(0));
+        assert!(!budget.out_of_time(), "the count is less");
+        budget.note_cut(&Room { renders: 9, time: 35 });
         assert!(budget.out_of_time());
     }
 
     #[test]
-    fn steps_that_take_no_time_have_room_until_the_end() {
-        let (mut budget, time) = budget();
-        budget.set_costs(Costs::default());
-        budget.begin(Some(milliseconds(101)));
-        assert_eq!(budget.renders(0), u32::MAX);
+    fn renders_that_take_no_time_have_room_until_the_end() {
+        let (steps, time) = steps();
+        let mut budget = Budget::default();
+        budget.begin(Some(TimeLimit { end: milliseconds(101), steps }));
+        assert_eq!(budget.room(0), Room::ALL);
         time.store(101, Ordering::Relaxed);
-        assert_eq!((budget.renders(0), budget.out_of_time()), (0, true));
+        assert_eq!((budget.holds(0, 1), budget.looks(0), budget.out_of_time()), (false, 0, true));
+    }
+
+    #[test]
+    fn four_coarse_renders_take_as_long_as_a_full_one() {
+        let room = Room { renders: 9, time: 20 };
+        assert!(room.holds(4, 4) && !room.holds(4, 5) && !room.holds(2, 8));
+        assert_eq!(room.after(2, 3), Room { renders: 4, time: 9 });
+        assert_eq!(room.after(6, 0), Room { renders: 3, time: 0 });
     }
 }

@@ -7,7 +7,7 @@ use crate::search::{LEVELS, Placement, Program, STOP_NO_DESCENT, STOP_PROGRESS, 
 use crate::shared::SUMS;
 use crate::vulkan::Error;
 
-use super::schedule_limit::Room;
+use super::budget::{LEAST, Room};
 use super::{
     Evaluation, Objective, Observability, Outcome, PoseCovariance, PoseEstimate, Schedule, Start,
     StartKind, Stop,
@@ -63,8 +63,8 @@ impl Default for GaussNewtonOptions {
 }
 
 /// Searches from `starts` (only the first eight count), draws the outcome and takes the difference:
-/// see [`crate::render::Renderer::search`]. The result is not judged yet. `room` is enough for one;
-/// if a search is cut short by it, it is not finished.
+/// see [`crate::render::Renderer::search`]. The result is not judged yet. There must be `room` for two renders at
+/// full size. If it cuts the search short there, before it ended by itself, it is not finished.
 ///
 /// # Panics
 /// If there is no start.
@@ -81,31 +81,30 @@ pub(super) fn search(
     let renderer = objective.renderer();
     let placements = starts.iter().map(|pose| placement(renderer.scene(), pose));
     let levels = renderer.levels();
-    let (schedule, cut) = schedule.within_room(room, levels);
-    let program = schedule.program(levels, placements, damping, profile);
+    let within = schedule.within(room, levels);
+    let program = within.program(levels, placements, damping, profile);
     let program = Program { sparse: objective.sparse_levels(program.sparse), ..program };
     let (mut first, path) = run(objective, &start, &program)?;
-    first.finished = cut.allows(first.outcome.stop, &path.by_level);
+    first.finished = within.renders == schedule.renders || first.outcome.stop != Stop::Iterations;
     // Some rows of tiles may leave a motion undetermined that the whole picture determines.
     let determined = program.sparse == 0 || first.observability.undetermined().next().is_none();
     if path.kept_promise() && determined {
         return Ok(first);
     }
     let better = if path.drawn_mse < path.seen_mse { path.found } else { path.seen };
-    let room = room.after(&path.by_level);
-    if !room.is_enough() {
+    let room = room.after(path.by_level[0] + 1, path.by_level[1..].iter().sum());
+    if !room.holds(LEAST, 0) {
         let pose = pose_of(objective.renderer().scene(), &better);
         let drawn = first.drawn.filter(|_| better == path.found);
         let outcome = Outcome { pose, mse: first.outcome.mse.min(path.seen_mse), ..first.outcome };
         return Ok(PoseEstimate { outcome, drawn, finished: false, ..first });
     }
     let first_level = schedule.first_level.max(schedule.far_level);
-    let to_the_end = Schedule { leap: 0.0, coarse_leap: 0.0, sparse: 0, far_level: 0, ..schedule };
+    let to_the_end = Schedule { leap: 0.0, coarse_leap: 0.0, sparse: 0, far_level: 0, ..*schedule };
     let again = Schedule { first_level, follow_level: first_level, ..to_the_end };
-    let (again, cut) = again.within_room(&room, levels);
-    let again = again.program(levels, [better], damping, profile);
-    let (second, path) = run(objective, &start, &again)?;
-    let finished = cut.allows(second.outcome.stop, &path.by_level);
+    let within = again.within(&room, levels);
+    let (second, _) = run(objective, &start, &within.program(levels, [better], damping, profile))?;
+    let finished = within.renders == again.renders || second.outcome.stop != Stop::Iterations;
     let submissions = first.submissions + second.submissions;
     Ok(PoseEstimate { submissions, first_mse: first.first_mse, finished, ..second })
 }

@@ -9,7 +9,6 @@ mod agreement;
 mod budget;
 mod clock;
 mod cold;
-mod costs;
 #[cfg(feature = "paper")]
 mod descent;
 mod frame_info;
@@ -25,13 +24,13 @@ mod pose_estimate;
 mod pyramid;
 mod relocaliser;
 mod schedule;
-mod schedule_limit;
 mod starts;
+mod step_time;
 mod tracker;
 
 pub use agreement::{Agreement, Comparison};
+pub(crate) use budget::{SearchSteps, TimeLimit};
 pub use clock::Clock;
-pub use costs::Costs;
 #[cfg(feature = "paper")]
 pub use descent::{AdamOptions, BfgsOptions};
 pub use frame_info::{Covariance, FrameInfo, Hint};
@@ -48,4 +47,5 @@ pub use pyramid::Pyramid;
 pub use relocaliser::{Alike, Candidate, Places, Relocaliser};
 pub use schedule::Schedule;
 pub use starts::{Start, StartKind, Starts};
+pub(crate) use step_time::StepTime;
 pub use tracker::Tracker;

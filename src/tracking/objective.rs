@@ -84,6 +84,14 @@ impl Objective {
         (self.reduced, self.observability) = (false, Observability::default());
     }
 
+    /// Sets a frame that shows nothing.
+    pub(super) fn set_flat_frame(&mut self) {
+        let camera = self.camera(0);
+        let mut flat = Picture::new(camera.width, camera.height);
+        flat.data.fill(128);
+        self.set_frame(&flat);
+    }
+
     /// Sets which pixels of frames count from here on; `None`: all do.
     ///
     /// # Panics

@@ -4,9 +4,9 @@ use crate::vulkan::Error;
 use crate::{Picture, Pose};
 
 use super::super::PoseEstimate;
+use super::super::budget::LEAST;
 use super::super::deviations;
 use super::super::schedule::Schedule;
-use super::super::schedule_limit::LEAST;
 use super::super::{GaussNewtonOptions, Hint, Start, StartKind};
 use super::judgement::PARTLY;
 use super::state::{SURE, Tracker, Unfinished};
@@ -104,7 +104,7 @@ impl Tracker {
     /// others.
     fn is_guess(&mut self, best: &PoseEstimate) -> bool {
         let follows = best.start == StartKind::BestOfBad && !self.good;
-        follows && !self.settles(best) && self.room() == 0
+        follows && !self.settles(best) && !self.has_room(1)
     }
 
     fn is_settled(&self, best: &Option<PoseEstimate>) -> bool {
@@ -185,7 +185,9 @@ impl Tracker {
     /// picture agrees.
     fn near(&mut self, pose: &Pose, kind: StartKind) -> Result<Option<PoseEstimate>, Error> {
         let room = self.room_to_look() as usize;
+        let (begun, renders) = (self.budget.now(), self.objective.renderer().all_renders());
         let candidate = self.relocaliser.approach(&mut self.objective, pose, room)?;
+        self.budget.note_looks(begun, self.objective.renderer().all_renders() - renders);
         let Some(candidate) = candidate.filter(|c| c.features >= EXPLAINED) else {
             return Ok(None);
         };
@@ -222,7 +224,7 @@ impl Tracker {
         };
         self.searches_next = takes_turns && most > 0;
         for _ in 0..most.min(left) {
-            if !self.budget.has_time() {
+            if self.room_to_look() == 0 {
                 break;
             }
             self.relocaliser.learn(&mut self.objective, 1)?;
@@ -288,7 +290,7 @@ impl Tracker {
         cold: &Schedule,
         warm: &Schedule,
     ) -> Result<Option<PoseEstimate>, Error> {
-        if self.room() < 2 + LEAST {
+        if !self.has_room(2 + LEAST) {
             return Ok(None);
         }
         let (_, begun) = self.draw(start)?;

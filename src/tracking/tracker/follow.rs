@@ -40,7 +40,6 @@ impl Tracker {
     ) -> Result<Option<PoseEstimate>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(info.time);
-        self.budget.unbound();
         match self.options.optimizer {
             Optimizer::GaussNewton => {
                 let found = self.search(frame, info)?;

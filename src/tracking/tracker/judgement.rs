@@ -6,8 +6,8 @@ use crate::render::Correction;
 use crate::vulkan::Error;
 
 use super::super::PoseEstimate;
+use super::super::budget::LEAST;
 use super::super::schedule::Schedule;
-use super::super::schedule_limit::LEAST;
 use super::super::{Agreement, Outcome, Start, StartKind};
 use super::state::Tracker;
 
@@ -66,7 +66,7 @@ impl Tracker {
         found: PoseEstimate,
         max: f64,
     ) -> Result<PoseEstimate, Error> {
-        if !(found.certain && self.is_uneven(&found.agreement, max)) || self.room() < LEAST {
+        if !(found.certain && self.is_uneven(&found.agreement, max)) || !self.has_room(LEAST) {
             return Ok(found);
         }
         let mut best = found;

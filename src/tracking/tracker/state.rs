@@ -1,7 +1,6 @@
 //! What tracking carries from frame to frame, and the steps that all searches take.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use crate::Pose;
 use crate::image::Mask;
@@ -10,14 +9,13 @@ use crate::render::levels::{anchor, placement};
 use crate::search::{PoseCode, STARTS, quantised};
 use crate::vulkan::Error;
 
-use super::super::budget::Budget;
+use super::super::budget::{Budget, LEAST, Room, TimeLimit};
 use super::super::cold::ColdStart;
 use super::super::gauss_newton;
 use super::super::schedule::Schedule;
-use super::super::schedule_limit::Room;
 use super::super::{
-    Clock, Comparison, Costs, Evaluation, Objective, Optimizer, PoseEstimate, RefineOptions,
-    Relocaliser, Start, StartKind, Starts,
+    Comparison, Evaluation, Objective, Optimizer, PoseEstimate, RefineOptions, Relocaliser, Start,
+    StartKind, Starts,
 };
 
 /// If the picture cannot tell whether a pose is right, a frame is searched afresh if its error is above this many times
@@ -117,19 +115,9 @@ impl Tracker {
         }
     }
 
-    /// Sets the clock by which frames end.
-    pub fn set_clock(&mut self, clock: &Clock) {
-        self.budget = Budget::new(clock.clone());
-    }
-
-    /// Sets what the steps of a search take on the device.
-    pub fn set_costs(&mut self, costs: Costs) {
-        self.budget.set_costs(costs);
-    }
-
-    /// Sets when the search of the next frame must end, by the clock; `None`: whenever it does.
-    pub fn set_deadline(&mut self, deadline: Option<Duration>) {
-        self.budget.begin(deadline);
+    /// Sets when the search of the next frame must end; `None`: whenever it does.
+    pub(crate) fn set_time_limit(&mut self, limit: Option<TimeLimit>) {
+        self.budget.begin(limit);
     }
 
     /// Whether the clock ended the last frame's search.
@@ -214,14 +202,17 @@ impl Tracker {
         let renderer = self.objective.renderer();
         let scene = renderer.scene();
         let code = quantised(&placement(scene, pose), &anchor(scene), self.profile);
+        let begun = self.budget.now();
         renderer.draw_coded_as_planned(&code)?;
+        // A frame that there was no time to search for tells how long renders take now, too.
+        self.budget.note_renders(begun, 1, 0);
         self.shown = Some(code);
         Ok((code, self.objective.error()))
     }
 
     /// As [`draw`](Self::draw), if the frame has room for it beside the picture that is sent.
     pub(super) fn draw_within(&mut self, pose: &Pose) -> Result<Option<(PoseCode, f64)>, Error> {
-        if self.room() == 0 {
+        if !self.has_room(1) {
             return Ok(None);
         }
         self.draw(pose).map(Some)
@@ -257,17 +248,20 @@ impl Tracker {
         schedule: &Schedule,
         room: Room,
     ) -> Result<Option<PoseEstimate>, Error> {
-        if !room.is_enough() {
-            self.budget.note_cut(self.objective.renderer().all_renders());
+        if !room.holds(LEAST, 0) {
+            self.budget.note_cut(&room);
             return Ok(None);
         }
+        let (begun, before) = (self.budget.now(), self.renders());
         let damping = self.options.gauss_newton.damping;
         let schedule = self.at_sharpness(schedule);
         let (objective, profile) = (&mut self.objective, self.profile);
         let found = gauss_newton::search(objective, poses, &schedule, damping, profile, &room)?;
         self.shown = found.drawn;
+        let after = self.renders();
+        self.budget.note_renders(begun, after.0 - before.0, after.1 - before.1);
         if !found.finished {
-            self.budget.note_cut(self.objective.renderer().all_renders());
+            self.budget.note_cut(&room);
         }
         Ok(Some(found))
     }
@@ -281,12 +275,18 @@ impl Tracker {
         self.short && lost && turn && !self.agreed
     }
 
-    /// Renders that the frame may still take beside that of the picture that is sent.
-    pub(super) fn room(&mut self) -> u32 {
-        self.budget.renders(self.objective.renderer().all_renders())
+    /// Renders so far: at full size and of coarse levels.
+    fn renders(&mut self) -> (u32, u32) {
+        let by_level = self.objective.renderer().renders();
+        (by_level[0], by_level[1..].iter().sum())
     }
 
-    /// As [`room`](Self::room), for renders of which the corners are taken.
+    /// Whether the frame has room for renders at full size beside that of the picture that is sent.
+    pub(super) fn has_room(&mut self, renders: u32) -> bool {
+        self.budget.holds(self.objective.renderer().all_renders(), renders)
+    }
+
+    /// Renders of which the corners are taken that the frame has room for, beside that of the picture that is sent.
     pub(super) fn room_to_look(&mut self) -> u32 {
         self.budget.looks(self.objective.renderer().all_renders())
     }

@@ -113,10 +113,6 @@ pub struct RefineArgs {
     /// a pose is right
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     pub threshold: f64,
-    /// Most renders that a frame takes beside its first search; the next frames go on with what is left out. 0: search
-    /// from the frame before and from given poses alone
-    #[arg(long, value_name = "N", default_value_t = 96)]
-    pub lost_renders: u32,
     /// Most time that a frame takes, milliseconds. Once it is up, the best pose so far is sent, and the next frames
     /// search on. One render and one coding must fit; less than that on this device is refused [default: as long as
     /// the search takes]
@@ -195,7 +191,6 @@ impl RefineArgs {
         let (threshold, frame_time) = (self.threshold, self.frame_time);
         let mut options = EncoderOptions { threshold, frame_time, ..Default::default() };
         options.refine.optimizer = self.optimizer.into();
-        options.refine.lost_renders = self.lost_renders;
         options.refine.jacobian = match self.jacobian {
             JacobianArg::Flow => Jacobian::Flow,
             JacobianArg::Exact => Jacobian::Exact,

@@ -129,8 +129,8 @@ pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyho
         recovery::run(&args.recovery, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
-    if args.frame_times.frame_times {
-        frame_times::run(&args.frame_times, &mut context, folder)?;
+    if let Some(bound) = args.frame_times.frame_times {
+        frame_times::run(bound, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
     if args.codecs.codecs {
@@ -141,8 +141,8 @@ pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyho
         paper::run(&args.paper, input, &mut context, folder)?;
         return args.device.check(&context.engine);
     }
-    if args.poses.poses {
-        poses::run(&args.poses, &context, folder)?;
+    if let Some(conditions) = &args.poses.poses {
+        poses::run(conditions, args.poses.poses_starts, &context, folder)?;
         return args.device.check(&context.engine);
     }
     let report = measure(args, &mut context)?;

@@ -18,18 +18,16 @@ use crate::report::{Table, fixed, fixed_or_empty, write_json};
 pub struct FrameTimesArgs {
     /// Measure only the times of frames: lost, found, in darkness, in silt, and found again
     ///
-    /// Each run begins with no pose and no key frame rendered. Without a bound, then with one. Writes
-    /// frame-times.json.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site", "sizes"])]
-    pub frame_times: bool,
-    /// With `--frame-times`: most time that a frame takes, milliseconds [default: four times the median of the frames
-    /// that others lead to]
-    #[arg(long, value_name = "MS", value_parser = values::milliseconds, requires = "frame_times")]
-    frame_time: Option<Duration>,
-    /// With `--frame-times`: runs, from places spread over the frames
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = values::count, requires = "frame_times")]
-    frame_times_runs: usize,
+    /// Four runs, from places spread over the frames. Each begins with no pose and no key frame rendered. Without a
+    /// bound, then with one: so many milliseconds, or else four times the median of the frames that others lead to.
+    /// Writes frame-times.json.
+    #[arg(long, value_name = "MS", num_args = 0..=1, require_equals = true, value_parser = values::milliseconds,
+        conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site", "sizes"])]
+    pub frame_times: Option<Option<Duration>>,
 }
+
+/// Places at which runs begin.
+const RUNS: usize = 4;
 
 /// What a frame is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -88,13 +86,13 @@ struct Row {
 type Timed = (Phase, f64, bool, bool);
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(args: &FrameTimesArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+pub fn run(bound: Option<Duration>, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     context.one_size("--frame-times")?;
-    let free = measure(args, context, None)?;
+    let free = measure(context, None)?;
     let steady = free.iter().filter(|frame| frame.0 == Phase::Found).map(|frame| frame.1);
     let usual = Duration::from_secs_f64(4.0 * median(steady) / 1e3);
-    let bound = args.frame_time.unwrap_or(usual);
-    let bounded = measure(args, context, Some(bound))?;
+    let bound = bound.unwrap_or(usual);
+    let bounded = measure(context, Some(bound))?;
     let mut rows = rows(&free, None);
     rows.extend(self::rows(&bounded, Some(bound)));
     let table = Table::of(
@@ -114,18 +112,14 @@ pub fn run(args: &FrameTimesArgs, context: &mut Context, folder: &Path) -> anyho
     write_json(&folder.join("frame-times.json"), &rows)
 }
 
-fn measure(
-    args: &FrameTimesArgs,
-    context: &Context,
-    frame_time: Option<Duration>,
-) -> anyhow::Result<Vec<Timed>> {
-    let bar = progress(args.frame_times_runs, "frame times");
+fn measure(context: &Context, frame_time: Option<Duration>) -> anyhow::Result<Vec<Timed>> {
+    let bar = progress(RUNS, "frame times");
     let mut frames = Vec::new();
-    for number in 0..args.frame_times_runs {
+    for number in 0..RUNS {
         // Key frames are rendered anew in each run.
         let options = EncoderOptions { frame_time, ..context.options() };
         let mut encoder = context.encoder(options)?;
-        let place = number * context.shots.len() / args.frame_times_runs;
+        let place = number * context.shots.len() / RUNS;
         one_run(context, &mut encoder, place, &mut frames)?;
         bar.inc(1);
     }

@@ -25,17 +25,15 @@ use crate::report::{Table, fixed, write_json};
 pub struct PosesArgs {
     /// Measure only how far poses are off, beside what the encoder says of them
     ///
-    /// Every frame must have its pose in the camera file. Writes poses.json, poses.csv and poses.svg.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site", "sizes"])]
-    pub poses: bool,
-    /// With `--poses`: the frames as they are, and changed
-    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "poses",
-        default_values_t = [Condition::Plain])]
-    poses_conditions: Vec<Condition>,
+    /// Of the frames as they are, or changed. Every frame must have its pose in the camera file. Writes poses.json,
+    /// poses.csv and poses.svg.
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', num_args = 0.., require_equals = true,
+        conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site", "sizes"])]
+    pub poses: Option<Vec<Condition>>,
     /// With `--poses`: also search for each frame by itself, from the true pose and from moved ones: how far below the
     /// best of all starts each ends
     #[arg(long, requires = "poses")]
-    poses_starts: bool,
+    pub poses_starts: bool,
 }
 
 /// The axes: translations along the camera's, and turns about them.
@@ -115,19 +113,27 @@ struct Summary {
 }
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(args: &PosesArgs, context: &Context, folder: &Path) -> anyhow::Result<()> {
+///
+/// `conditions`: none is the frames as they are. `compares`: each frame is also searched for by itself.
+pub fn run(
+    conditions: &[Condition],
+    compares: bool,
+    context: &Context,
+    folder: &Path,
+) -> anyhow::Result<()> {
+    let conditions = if conditions.is_empty() { &[Condition::Plain] } else { conditions };
     for shot in &context.shots {
         let file = &shot.file;
         anyhow::ensure!(shot.known.is_some(), "{file}: its pose is not in the camera file");
     }
     context.one_size("--poses")?;
-    let count = args.poses_conditions.len() * context.shots.len();
+    let count = conditions.len() * context.shots.len();
     let bar = progress(count, "poses");
     let measure = |condition: &Condition| {
-        let frames = frames(context, *condition, args.poses_starts, || bar.inc(1))?;
+        let frames = frames(context, *condition, compares, || bar.inc(1))?;
         Ok(Run { condition: *condition, frames })
     };
-    let runs = args.poses_conditions.iter().map(measure).collect::<anyhow::Result<Vec<Run>>>()?;
+    let runs = conditions.iter().map(measure).collect::<anyhow::Result<Vec<Run>>>()?;
     bar.finish_and_clear();
     let summaries: Vec<Summary> = runs.iter().map(summary).collect();
     print::print(&summaries);
