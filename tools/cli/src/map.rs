@@ -262,14 +262,14 @@ impl Training<'_> {
         &self,
         out: &Path,
         report: Option<&Path>,
-        inputs: MapInputs,
+        mut inputs: MapInputs,
     ) -> anyhow::Result<(Mapper, Report)> {
         let Training { args, engine, options, budget } = *self;
-        let MapInputs { train, held_out, points } = inputs;
-        let mut report = Report::new(report, held_out);
-        let fingerprint = inputs::fingerprint(&train, &points, options, &budget);
-        let mut mapper = Mapper::new(engine, train, &points, options)?;
-        let saved = Saved::beside(out, fingerprint);
+        let saved = Saved::beside(out, inputs::fingerprint(&inputs, options, &budget));
+        let held_out = inputs.whole_run();
+        let mut mapper = Mapper::new(engine, inputs.train, &inputs.points, options)?;
+        mapper.hold_out(&held_out);
+        let mut report = Report::new(report, inputs.held_out);
         if args.resume {
             saved.resume(&mut mapper)?;
         }

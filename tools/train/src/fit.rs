@@ -64,7 +64,7 @@ impl<'a> Fit<'a> {
         let (first, start) = (&self.views[0].camera, to_planes(splats, self.centre));
         let mut trainers = Trainers { fit: self, options: &options, all: Vec::new() };
         trainers.start(size(first), new_state(start))?;
-        let mut order = Order::new(options.seed, self.views.len());
+        let mut order = Order::new(options.seed, 0..self.views.len());
         for step in 0..steps {
             let (round, place) = order.at(step);
             let turn = order.picture(round, place);

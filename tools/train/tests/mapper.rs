@@ -113,6 +113,29 @@ fn pictures_that_grow_give_the_same_again_also_if_interrupted() {
     common::assert_silent(&engine);
 }
 
+#[test]
+fn what_is_held_out_is_not_learnt_from() {
+    const UNTIL: u32 = 700;
+    let engine = common::engine();
+    let (views, points) = scene(&engine);
+    let mut others = views.clone();
+    others[4].picture.data.fill(90);
+    let [mut own, mut other] = [views, others].map(|views| {
+        let mut mapper = Mapper::new(&engine, views, &points, &options()).unwrap();
+        mapper.hold_out(&[4]);
+        train(&mut mapper, UNTIL);
+        assert!(mapper.holds_out());
+        mapper
+    });
+    assert!(own.state().unwrap() == other.state().unwrap(), "it was looked at");
+    for mapper in [&mut own, &mut other] {
+        mapper.hold_out(&[]);
+        assert!(!mapper.holds_out());
+        train(mapper, UNTIL + 24);
+    }
+    assert!(own.state().unwrap() != other.state().unwrap(), "it is not looked at");
+}
+
 /// How well views are drawn, dB.
 fn psnr_of(mapper: &mut Mapper, views: &[PosedPicture]) -> f64 {
     let of =

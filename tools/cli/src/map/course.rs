@@ -1,6 +1,5 @@
 //! A training from its first step to its last.
 
-use std::iter::Peekable;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -37,6 +36,9 @@ pub struct Course<'a> {
 /// at most. The first fifth has reduced pictures, and takes about a third of the time of later steps.
 const LEFT_TOLD: [(f64, f64); 2] = [(0.02, 4.0), (0.25, 1.0)];
 
+/// Share of the training after which the pictures that were held out are trained on, too.
+const ALL_FROM: f64 = 0.85;
+
 /// Measurements of a training, evenly spread.
 const MEASUREMENTS: f64 = 20.0;
 
@@ -50,46 +52,51 @@ impl Course<'_> {
     pub fn run(&self, mapper: &mut Mapper, report: &mut Report) -> anyhow::Result<()> {
         let start = Instant::now();
         let bar = bar();
-        let (mut saved, mut measured) = (Instant::now(), measurements(self.share(mapper, start)));
-        let mut left_told = LEFT_TOLD.into_iter().peekable();
+        let (mut saved, mut measured, mut left_told) = (Instant::now(), 0, 0);
+        let held_out = mapper.holds_out();
         loop {
             let share = self.share(mapper, start);
+            let due = measurements(share);
+            // What was taken in tells nothing any more.
+            if due > measured && mapper.holds_out() == held_out {
+                measured = due;
+                report.measure(mapper, start.elapsed())?;
+            }
             if share >= 1.0 {
                 break;
+            }
+            if share >= ALL_FROM && mapper.holds_out() {
+                (self.save)(mapper)?;
+                mapper.hold_out(&[]);
+                eprintln!(
+                    "step {}: the rest is with all pictures, in no step more",
+                    mapper.steps()
+                );
             }
             let began = Instant::now();
             mapper.step(share)?;
             report.took(began.elapsed());
-            let due = measurements(self.share(mapper, start));
-            if due > measured {
-                measured = due;
-                report.measure(mapper, start.elapsed())?;
-            }
             self.tell_left(&mut left_told, mapper, report);
-            if saved.elapsed() >= self.save_every {
+            // What goes on from a state measures what is held out.
+            if saved.elapsed() >= self.save_every && mapper.holds_out() == held_out {
                 (self.save)(mapper)?;
                 saved = Instant::now();
             }
             self.show(&bar, mapper, report, start);
         }
         bar.finish_and_clear();
+        report.ended(start.elapsed());
         Ok(())
     }
 
     /// Says how long the rest takes, by the steps so far.
-    fn tell_left(
-        &self,
-        due: &mut Peekable<impl Iterator<Item = (f64, f64)>>,
-        mapper: &Mapper,
-        report: &Report,
-    ) {
+    fn tell_left(&self, told: &mut usize, mapper: &Mapper, report: &Report) {
         let Budget::Iterations(all) = self.budget else { return };
         let share = f64::from(mapper.steps()) / f64::from(all);
-        let mut last = None;
-        while let Some(now) = due.next_if(|(at, _)| share >= *at) {
-            last = Some(now);
-        }
-        if let Some((_, most)) = last.filter(|_| share < 1.0) {
+        let due = LEFT_TOLD.iter().filter(|(at, _)| share >= *at).count();
+        if due > *told && share < 1.0 {
+            let most = LEFT_TOLD[due - 1].1;
+            *told = due;
             let left = f64::from(all - mapper.steps()) / report.steps_per_second();
             eprintln!("training: about {} left", range([left, most * left]));
         }
@@ -115,9 +122,6 @@ impl Course<'_> {
 const BAR: u64 = 10_000;
 
 fn bar() -> ProgressBar {
-    let bar = ProgressBar::new(BAR);
-    match ProgressStyle::with_template("{bar:30} {percent}% {msg}, {eta} left") {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
-    }
+    let style = ProgressStyle::with_template("{bar:30} {percent}% {msg}, {eta} left");
+    ProgressBar::new(BAR).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

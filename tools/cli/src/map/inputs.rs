@@ -81,8 +81,25 @@ pub struct MapInputs {
     pub train: Vec<PosedPicture>,
     /// Pictures to measure by.
     pub held_out: Vec<HeldOut>,
+    /// If each picture of this number is held out, of one run.
+    every: Option<usize>,
     /// Points to start from; possibly none.
     pub points: Vec<ColouredPoint>,
+}
+
+impl MapInputs {
+    /// Puts the pictures that are held out of a run among the others, where they were taken, so that they can be
+    /// trained on in the end. Returns their places.
+    pub fn whole_run(&mut self) -> Vec<usize> {
+        let Some(every) = self.every else { return Vec::new() };
+        let held_out = self.held_out.iter().filter(|held| held.split == HELD_OUT);
+        let places = (every / 2..).step_by(every).zip(held_out);
+        let put = |(place, held): (usize, &HeldOut)| {
+            self.train.insert(place, held.view.clone());
+            place
+        };
+        places.map(put).collect()
+    }
 }
 
 /// What is there to train on, before its pictures are read.
@@ -92,6 +109,8 @@ pub struct Listed {
     pub train: Vec<PosedInput>,
     /// Pictures to measure by, each with the name of its split.
     pub held_out: Vec<(String, PosedInput)>,
+    /// If each picture of this number is held out, of one run.
+    pub every: Option<usize>,
     /// Points to start from; possibly none.
     pub points: Vec<ColouredPoint>,
     /// The camera of the first picture, of the size that all are brought to.
@@ -113,6 +132,7 @@ struct Divided {
     train: Vec<PosedInput>,
     /// Each with the name of its split.
     held_out: Vec<(String, PosedInput)>,
+    every: Option<usize>,
 }
 
 struct Read {
@@ -191,12 +211,12 @@ impl InputArgs {
             (None, None) => anyhow::bail!("neither pictures nor --cameras"),
         };
         let points = listed.points.unwrap_or_default();
-        let Divided { train, held_out } = self.divide(listed.inputs)?;
+        let Divided { train, held_out, every } = self.divide(listed.inputs)?;
         let size =
             train.first().map(|input| self.camera(input)).context("no picture to train on")?;
         let points = points.iter().map(coloured).collect();
         let reductions = self.reductions(size.width)?;
-        Ok(Listed { train, held_out, points, size, reductions })
+        Ok(Listed { train, held_out, every, points, size, reductions })
     }
 
     fn posed_options(&self) -> PosedOptions {
@@ -229,7 +249,7 @@ impl InputArgs {
         preprocessing: &Preprocessing,
         writer: Option<RunWriter>,
     ) -> anyhow::Result<MapInputs> {
-        let Listed { train, held_out, points, size, reductions } = listed;
+        let Listed { train, held_out, every, points, size, reductions } = listed;
         let smaller = self.smaller(&held_out, &size, &reductions, preprocessing)?;
         let bar = progress(train.len() + held_out.len(), "pictures");
         let split = self.split.as_deref().unwrap_or(TRAIN);
@@ -254,7 +274,7 @@ impl InputArgs {
         let train = train.into_iter().map(|read| read.view).collect();
         let held_out = held_out.into_iter();
         let held_out = held_out.map(|(name, split, read)| HeldOut { name, split, view: read.view });
-        Ok(MapInputs { train, held_out: held_out.chain(smaller).collect(), points })
+        Ok(MapInputs { train, held_out: held_out.chain(smaller).collect(), every, points })
     }
 
     /// Writes the pictures of a run as they are trained on, if that is wanted, without keeping them.
@@ -368,7 +388,8 @@ impl InputArgs {
             return Ok(self.every(train));
         }
         let named = |input: PosedInput| Some((input.split.clone()?, input));
-        Ok(Divided { train, held_out: others.into_iter().filter_map(named).collect() })
+        let held_out = others.into_iter().filter_map(named).collect();
+        Ok(Divided { train, held_out, every: None })
     }
 
     /// Holds out every N-th picture.
@@ -382,7 +403,7 @@ impl InputArgs {
                 train.push(input);
             }
         }
-        Divided { train, held_out }
+        Divided { train, held_out, every: (every > 1).then_some(every) }
     }
 }
 
@@ -392,15 +413,12 @@ fn coloured(point: &Point) -> ColouredPoint {
 }
 
 /// A number that other pictures, points or options change.
-pub fn fingerprint(
-    train: &[PosedPicture],
-    points: &[ColouredPoint],
-    options: &MapOptions,
-    budget: &Budget,
-) -> u32 {
+pub fn fingerprint(inputs: &MapInputs, options: &MapOptions, budget: &Budget) -> u32 {
     let mut sum = crc32fast::Hasher::new();
-    sum.update(format!("{options:?} {budget:?}").as_bytes());
-    for PosedPicture { camera, pose, picture, mask } in train {
+    let MapInputs { train, held_out, every, points } = inputs;
+    sum.update(format!("{options:?} {budget:?} {every:?}").as_bytes());
+    let held_out = held_out.iter().map(|held| &held.view);
+    for PosedPicture { camera, pose, picture, mask } in train.iter().chain(held_out) {
         sum.update(format!("{camera:?} {pose:?}").as_bytes());
         sum.update(&picture.data);
         let mask = mask.iter().flatten().map(|counts| u8::from(*counts));
@@ -410,4 +428,27 @@ pub fn fingerprint(
         point.position.iter().chain(&point.rgb).for_each(|v| sum.update(&v.to_le_bytes()));
     }
     sum.finalize()
+}
+
+#[cfg(test)]
+mod tests {
+    use nvsprior::Picture;
+
+    use super::*;
+
+    #[test]
+    fn what_is_held_out_goes_back_to_its_place() {
+        let camera = Camera { width: 1, height: 1, fx: 1.0, fy: 1.0, cx: 0.5, cy: 0.5 };
+        let view = |byte: usize| {
+            let picture = Picture::from_rgb(1, 1, vec![byte as u8; 3]).unwrap();
+            PosedPicture::new(camera, Default::default(), picture)
+        };
+        let held = |byte| HeldOut { name: String::new(), split: HELD_OUT.into(), view: view(byte) };
+        let (held_out, train): (Vec<_>, Vec<_>) = (0..8).partition(|i| i % 3 == 1);
+        let train = train.into_iter().map(view).collect();
+        let held_out = held_out.into_iter().map(held).collect();
+        let mut inputs = MapInputs { train, held_out, every: Some(3), points: Vec::new() };
+        assert_eq!(inputs.whole_run(), [1, 4, 7]);
+        assert!(inputs.train.iter().map(|view| view.picture.data[0]).eq(0..8));
+    }
 }

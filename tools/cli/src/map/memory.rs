@@ -15,6 +15,8 @@ const SETS: u64 = 6;
 const DECODED: u64 = 12;
 /// Bytes of a pixel of a picture: as it was read, its mask, and as the loss reads it.
 const PIXEL: u64 = 3 + 1 + 4;
+/// Bytes of a pixel of a picture that is held out, besides: it is measured by, and trained on in the end.
+const MEASURED: u64 = 3 + 1;
 /// Bytes of a pixel of a picture that a training goes on with: of the views of which those that are remembered are
 /// chosen, then of one as it was, as it is trained on, and what has changed.
 const REMEMBERED: u64 = 4 * CANDIDATES as u64 + 4 + PIXEL + 4;
@@ -55,7 +57,8 @@ struct HostMemory {
 impl HostMemory {
     /// `goes_on`: with a prior, of which views are remembered.
     fn of(listed: &Listed, options: &MapOptions, goes_on: bool) -> HostMemory {
-        let count = (listed.train.len() + listed.held_out.len()) as u64;
+        let held_out = listed.held_out.len() as u64;
+        let count = listed.train.len() as u64 + held_out;
         let numbers = 4 * u64::from(options.splats) * u64::from(planes(options.sh_degree));
         let pixels = listed.size.pixels() as u64;
         let remembered = if goes_on { listed.train.len() as u64 * REMEMBERED } else { 0 };
@@ -66,7 +69,7 @@ impl HostMemory {
             count,
             size: [listed.size.width, listed.size.height],
             splats: options.splats,
-            by_pictures: (count * PIXEL + remembered) * pixels + smaller,
+            by_pictures: (count * PIXEL + held_out * MEASURED + remembered) * pixels + smaller,
             by_splats: SETS * numbers,
             rest: at_once * DECODED * listed.largest() + POINT * listed.points.len() as u64,
         }

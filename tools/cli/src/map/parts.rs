@@ -15,7 +15,7 @@ use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use nvsprior_train::parts::{Cells, Parts, View, places, points_of_splats};
 
 use super::course::Budget;
-use super::inputs::{self, Listed, MapInputs};
+use super::inputs::{self, Listed};
 use super::report::{Found, Poses};
 use super::{Args, Training, forward_seconds, memory, saved};
 use crate::container::Container;
@@ -131,6 +131,8 @@ impl PartsRun<'_> {
         Listed {
             train: parts.pictures(part).iter().map(|i| own.train[*i].clone()).collect(),
             held_out: held_out.cloned().collect(),
+            // The whole is measured by them at the end.
+            every: None,
             points: parts.points_of(part, &own.points),
             size: own.size,
             reductions: own.reductions.clone(),
@@ -154,8 +156,7 @@ impl PartsRun<'_> {
     fn trained(&self, trained: Trained) -> anyhow::Result<Splats> {
         let Trained { name, listed, options, budget, parts, part } = trained;
         let inputs = self.args.inputs.read_part(listed, &self.preprocessing)?;
-        let MapInputs { train, points, .. } = &inputs;
-        let own = inputs::fingerprint(train, points, &options, &budget);
+        let own = inputs::fingerprint(&inputs, &options, &budget);
         // The same pictures may be divided in another way.
         let division = crc32fast::hash(format!("{parts:?}").as_bytes());
         let done = self.folder().join(format!("{name}-{own:08x}{division:08x}.ply"));

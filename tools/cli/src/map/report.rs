@@ -1,5 +1,6 @@
 //! What a training came to: a curve, figures, and pictures.
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -73,6 +74,7 @@ pub struct Found {
     pub sides: Option<Sides>,
 }
 
+#[derive(Default)]
 pub struct Report {
     /// If poses had to be found.
     pub poses: Option<Poses>,
@@ -80,8 +82,10 @@ pub struct Report {
     held_out: Vec<HeldOut>,
     points: Vec<Point>,
     /// Seconds of the last steps.
-    times: Vec<f64>,
-    next: usize,
+    times: VecDeque<f64>,
+    /// Seconds of the whole training, on the clock and of the CPU.
+    seconds: f64,
+    cpu_seconds: Option<f64>,
 }
 
 /// The mean of some values, if there are any.
@@ -103,17 +107,19 @@ impl Report {
     /// Into a folder, if there is one.
     pub fn new(folder: Option<&Path>, held_out: Vec<HeldOut>) -> Report {
         let folder = folder.map(Path::to_path_buf);
-        Report { poses: None, folder, held_out, points: Vec::new(), times: Vec::new(), next: 0 }
+        Report { folder, held_out, ..Report::default() }
     }
 
     pub fn took(&mut self, time: Duration) {
-        let seconds = time.as_secs_f64();
-        if self.times.len() < TIMED {
-            self.times.push(seconds);
-        } else {
-            self.times[self.next] = seconds;
+        self.times.push_back(time.as_secs_f64());
+        if self.times.len() > TIMED {
+            self.times.pop_front();
         }
-        self.next = (self.next + 1) % TIMED;
+    }
+
+    /// Notes how long all steps took.
+    pub fn ended(&mut self, elapsed: Duration) {
+        (self.seconds, self.cpu_seconds) = (elapsed.as_secs_f64(), cpu_seconds());
     }
 
     /// Steps per second, over the last steps.
@@ -264,14 +270,16 @@ impl Report {
         let mut report = Poses::json(self.poses.as_ref());
         let training = json!({
             "held_out_psnr": self.psnr(),
+            // The prior as it was after so many steps: later ones are with the pictures that are held out.
+            "held_out_step": last.map(|point| point.step),
             "expected_pose_error": found.worth.as_ref().map(Worth::json),
             "parallax": found.sides.as_ref().map(Sides::json),
             "trained_psnr": trained,
             "held_out_doubtful": doubt,
             "held_out_psnr_by_split": splits,
             "iterations": mapper.steps(),
-            "seconds": last.map(|point| point.seconds),
-            "cpu_seconds": last.and_then(|point| point.cpu_seconds),
+            "seconds": self.seconds,
+            "cpu_seconds": self.cpu_seconds,
             "seconds_per_iteration": median,
             "seconds_per_forward_render": forward,
             "iteration_in_forward_renders": median.map(|seconds| seconds / forward),

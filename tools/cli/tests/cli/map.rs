@@ -113,13 +113,34 @@ fn pictures_of_a_lens_are_written_without_distortion_for_the_other_commands() {
     dive.run(&format!("{map} --undistorted a.ply --out b.ply")).ends_with(1).says("--undistorted");
 }
 
+/// All pictures of the camera file, of which the second one is held out.
+const HELD_OUT: &str = "map --cameras cameras.json --held-out 3 --splats 400 --iterations 60";
+
+#[test]
+fn what_is_held_out_is_trained_on_in_the_end() {
+    let dive = Dive::new();
+    let run = dive.run(&format!("{HELD_OUT} --out a.ply --report report")).ends_with(0);
+    run.says("step 51: the rest is with all pictures").says("step 51, ");
+    let report = dive.json("report/report.json");
+    assert_eq!((&report["held_out_step"], &report["iterations"]), (&json!(51), &json!(60)));
+    assert_eq!(report["pictures"].as_array().unwrap().len(), 1, "{report}");
+    let curve = String::from_utf8(dive.bytes("report/curve.csv")).unwrap();
+    assert!(curve.lines().last().unwrap().starts_with("51,"), "{curve}");
+}
+
 #[test]
 fn a_killed_training_goes_on_to_the_same_prior() {
+    for map in [MAP, HELD_OUT] {
+        goes_on_to_the_same_prior(map);
+    }
+}
+
+fn goes_on_to_the_same_prior(map: &str) {
     let dive = Dive::new();
-    dive.run(&format!("{MAP} --out whole.ply")).ends_with(0);
+    dive.run(&format!("{map} --out whole.ply")).ends_with(0);
     let saved = dive.path("cut.ply.training");
     let mut child = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
-        .args(format!("{MAP} --out cut.ply --save-every 0").split_whitespace())
+        .args(format!("{map} --out cut.ply --save-every 0").split_whitespace())
         .current_dir(dive.path(""))
         .stderr(Stdio::null())
         .spawn()
@@ -130,7 +151,7 @@ fn a_killed_training_goes_on_to_the_same_prior() {
     child.kill().unwrap();
     child.wait().unwrap();
     if !dive.path("cut.ply").exists() {
-        dive.run(&format!("{MAP} --out cut.ply --resume")).ends_with(0).says("goes on from step");
+        dive.run(&format!("{map} --out cut.ply --resume")).ends_with(0).says("goes on from step");
     }
     assert_eq!(dive.bytes("cut.ply"), dive.bytes("whole.ply"));
     assert!(!saved.exists());

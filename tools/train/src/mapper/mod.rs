@@ -234,7 +234,7 @@ impl Mapper {
                 &options.reductions,
                 options.schedule.factor(0.0, [camera.width, camera.height]),
             ),
-            order: Order::new(options.seed, views.len()),
+            order: Order::new(options.seed, 0..views.len()),
             views,
             options: options.clone(),
             centre,
@@ -245,6 +245,17 @@ impl Mapper {
         };
         mapper.undo_exposures();
         Ok(mapper)
+    }
+
+    /// Leaves these pictures out from here on, and no others: nothing but their own light and poses is fitted to them.
+    pub fn hold_out(&mut self, places: &[usize]) {
+        let others = (0..self.views.len()).filter(|place| !places.contains(place));
+        self.order = Order::new(self.options.seed, others);
+    }
+
+    /// Whether some pictures are left out.
+    pub fn holds_out(&self) -> bool {
+        self.order.pictures() < self.views.len()
     }
 
     /// Takes one step, on the picture whose turn it is. `share`: of the training that is done, 0 to 1, by which rates

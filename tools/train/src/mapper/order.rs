@@ -11,9 +11,14 @@ pub struct Order {
 }
 
 impl Order {
-    /// Of so many pictures.
-    pub fn new(seed: u64, pictures: usize) -> Order {
-        Order { seed, order: (0..pictures).collect(), round: None }
+    /// Of some pictures.
+    pub fn new(seed: u64, pictures: impl IntoIterator<Item = usize>) -> Order {
+        Order { seed, order: pictures.into_iter().collect(), round: None }
+    }
+
+    /// How many pictures have their turns.
+    pub fn pictures(&self) -> usize {
+        self.order.len()
     }
 
     /// The round of a step, and its place in it.
@@ -44,7 +49,7 @@ mod tests {
 
     #[test]
     fn each_round_shows_each_picture_once_in_an_order_of_its_own() {
-        let mut order = Order::new(3, 20);
+        let mut order = Order::new(3, 0..20);
         let mut round =
             |round| -> Vec<usize> { (0..20).map(|i| order.picture(round, i)).collect() };
         let (first, second) = (round(0), round(1));
