@@ -7,8 +7,6 @@ pub struct PoseTrial {
     pub error: [f32; 6],
     /// The standard deviations that an encoder stated, without any trials; infinite along open axes.
     pub deviation: [f32; 6],
-    /// Distance from the nearest picture that the prior had seen, the prior's unit.
-    pub distance: f32,
 }
 
 /// Trials of a prior; none if they were not made.
@@ -28,10 +26,7 @@ impl PoseTrials {
     /// `None`: too many, or a number is not what it stands for.
     pub fn new(trials: Vec<PoseTrial>) -> Option<PoseTrials> {
         let valid = |trial: &PoseTrial| {
-            trial.error.iter().all(|v| v.is_finite())
-                && trial.deviation.iter().all(|v| *v > 0.0)
-                && trial.distance.is_finite()
-                && trial.distance >= 0.0
+            trial.error.iter().all(|v| v.is_finite()) && trial.deviation.iter().all(|v| *v > 0.0)
         };
         (trials.len() <= PoseTrials::MAX && trials.iter().all(valid)).then_some(PoseTrials(trials))
     }
@@ -71,7 +66,7 @@ mod tests {
     fn trial(error: f32) -> PoseTrial {
         let mut all = [0.0; 6];
         all[4] = error;
-        PoseTrial { error: all, deviation: [0.1; 6], distance: 0.5 }
+        PoseTrial { error: all, deviation: [0.1; 6] }
     }
 
     #[test]
@@ -102,8 +97,6 @@ mod tests {
         wrong(&|trial| trial.error[5] = f32::INFINITY);
         wrong(&|trial| trial.deviation[2] = 0.0);
         wrong(&|trial| trial.deviation[2] = f32::NAN);
-        wrong(&|trial| trial.distance = -1.0);
-        wrong(&|trial| trial.distance = f32::INFINITY);
         assert_eq!(PoseTrials::new(vec![trial(0.0); PoseTrials::MAX + 1]), None);
     }
 }

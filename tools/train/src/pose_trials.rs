@@ -27,33 +27,32 @@ impl Tried {
         self.trials.len() as f64 / self.searches.max(1) as f64
     }
 
-    /// Distances between the true and the found place, the least first, the prior's unit.
-    pub fn distances(&self) -> Vec<f64> {
-        self.sorted(|error| &error[..3])
-    }
-
-    /// Angles between the true and the found attitude, the least first, radians.
-    pub fn angles(&self) -> Vec<f64> {
-        self.sorted(|error| &error[3..])
-    }
-
-    fn sorted(&self, part: fn(&[f32; 6]) -> &[f32]) -> Vec<f64> {
-        let length = |trial: &PoseTrial| {
-            part(&trial.error).iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
+    /// Distance (the prior's unit) and angle (degrees) between the true and the found pose, each such that this share
+    /// of the trials does not exceed it.
+    pub fn off(&self, share: f64) -> Option<(f64, f64)> {
+        let within = (share * self.trials.len() as f64).ceil() as usize;
+        let at = |part: fn(&[f32; 6]) -> &[f32]| {
+            let square = |trial: &PoseTrial| part(&trial.error).iter().map(|v| v * v).sum();
+            let mut squares: Vec<f32> = self.trials.iter().map(square).collect();
+            squares.sort_by(f32::total_cmp);
+            squares.get(within.saturating_sub(1)).map(|square| f64::from(*square).sqrt())
         };
-        let mut lengths: Vec<f64> = self.trials.iter().map(length).collect();
-        lengths.sort_by(f64::total_cmp);
-        lengths
+        Some((at(|error| &error[..3])?, at(|error| &error[3..])?.to_degrees()))
     }
 }
 
-/// Looks for pictures in a prior: from nothing, if it has key frames, and from starts that are moved. `seen`: poses of
-/// the pictures that it was trained on; `depth`: how far away what they show is. Calls `told` after each picture.
+/// Starts beside a pose. `depth`: how far away what is seen from it is.
+pub fn moved(pose: &Pose, depth: f64) -> [Pose; 2] {
+    let scaled = |step: [f64; 6], i| if i < 3 { step[i] * depth } else { step[i] };
+    MOVED.map(|step| pose.stepped(&std::array::from_fn(|i| scaled(step, i))))
+}
+
+/// Looks for pictures in a prior: from nothing, if it has key frames, and from starts that are moved. `depth`: how far
+/// away what they show is. Calls `told` after each picture.
 pub fn try_poses(
     engine: &Engine,
     prior: &Prior,
     pictures: &[PosedPicture],
-    seen: &[Pose],
     depth: f64,
     told: &mut dyn FnMut(),
 ) -> Result<Tried, Error> {
@@ -69,10 +68,7 @@ pub fn try_poses(
     let from_nothing = !prior.key_frames().is_empty();
     for picture in pictures {
         encoder.set_camera(&picture.camera)?;
-        let moved = MOVED.map(|step| {
-            let step = std::array::from_fn(|i| if i < 3 { step[i] * depth } else { step[i] });
-            Some(picture.pose.stepped(&step))
-        });
+        let moved = moved(&picture.pose, depth).map(Some);
         for start in from_nothing.then_some(None).into_iter().chain(moved) {
             encoder.reset();
             let encoded = encoder.encode(&picture.picture, start)?;
@@ -82,17 +78,10 @@ pub fn try_poses(
                 tried.trials.push(PoseTrial {
                     error: error.map(|v| v as f32),
                     deviation: encoded.stats.pose_deviation().map(|v| v as f32),
-                    distance: nearest(&picture.pose, seen) as f32,
                 });
             }
         }
         told();
     }
     Ok(tried)
-}
-
-/// Distance of the nearest of some poses.
-fn nearest(pose: &Pose, seen: &[Pose]) -> f64 {
-    let apart = |other: &Pose| (pose.centre() - other.centre()).length();
-    seen.iter().map(apart).fold(f64::MAX, f64::min)
 }

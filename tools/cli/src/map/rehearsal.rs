@@ -87,11 +87,10 @@ impl Rehearsal<'_> {
         let every = held_out.len().div_ceil(TRIED);
         let held_out: Vec<_> = held_out.into_iter().step_by(every).map(|(_, view)| view).collect();
         let beside = self.beside(delivered, &views, thinned.range)?;
-        let poses: Vec<Pose> = views.iter().map(|(_, pose)| *pose).collect();
         let bar = progress(held_out.len() + beside.len(), "poses");
         let try_all = |pictures: &[PosedPicture]| {
             let told = &mut || bar.inc(1);
-            try_poses(self.engine, &prior, pictures, &poses, thinned.range, told)
+            try_poses(self.engine, &prior, pictures, thinned.range, told)
         };
         let (tried, beside) = (try_all(&held_out)?, try_all(&beside)?);
         bar.finish_and_clear();
@@ -113,7 +112,7 @@ impl Rehearsal<'_> {
         let mut mapper = Mapper::new(self.engine, pictures, points, &options)?;
         let save = |_: &Mapper| Ok(());
         let course = Course { budget, save: &save, save_every: Duration::MAX };
-        course.run(&mut mapper, &mut Report::new(None, Vec::new()))?;
+        course.run(&mut mapper, &mut Report::default())?;
         Ok(mapper.splats()?)
     }
 
@@ -146,17 +145,10 @@ fn is_held_out(index: usize, pictures: usize) -> bool {
         || in_stretch(2 * pictures / 3 - stretch / 2)
 }
 
-/// A value that so large a share of sorted ones does not exceed.
-fn at(sorted: &[f64], share: f64) -> Option<f64> {
-    let within = (share * sorted.len() as f64).ceil() as usize;
-    sorted.get(within.saturating_sub(1)).copied()
-}
-
 impl Worth {
     /// All trials, as a prior holds them.
     pub fn trials(&self) -> PoseTrials {
-        let all = [&self.tried.trials[..], &self.beside.trials].concat();
-        PoseTrials::new(all).unwrap_or_default()
+        PoseTrials::new(self.all().trials).unwrap_or_default()
     }
 
     pub fn json(&self) -> Value {
@@ -182,7 +174,7 @@ impl Worth {
             println!("poses of a dive {place}: {}", described(tried));
         }
         println!("the rehearsal took {:.0} s", self.seconds);
-        let far = at(&self.all().distances(), 0.9).is_none_or(|most| most > FAR * self.depth);
+        let far = self.all().off(0.9).is_none_or(|(most, _)| most > FAR * self.depth);
         if far || self.all().certain() < FOUND {
             eprintln!(
                 "warning: this run does not determine where a camera is; pictures from more sides help: fly arcs \
@@ -193,9 +185,9 @@ impl Worth {
 }
 
 fn described(tried: &Tried) -> String {
-    let (distances, angles) = (tried.distances(), tried.angles());
-    let off = |share| Some((at(&distances, share)?, at(&angles, share)?.to_degrees()));
-    let (Some(half), Some(most)) = (off(0.5), off(0.9)) else { return "none is found".into() };
+    let (Some(half), Some(most)) = (tried.off(0.5), tried.off(0.9)) else {
+        return "none is found".into();
+    };
     format!(
         "off by {:.3} and {:.2}° (half of the cases), {:.3} and {:.2}° (nine of ten); certain in {:.0} %",
         half.0,
@@ -207,13 +199,12 @@ fn described(tried: &Tried) -> String {
 }
 
 fn summary(tried: &Tried) -> Value {
-    let (distances, angles) = (tried.distances(), tried.angles());
-    let degrees = |share| at(&angles, share).map(f64::to_degrees);
+    let (half, most) = (tried.off(0.5).unzip(), tried.off(0.9).unzip());
     json!({
-        "position": at(&distances, 0.5),
-        "position_90": at(&distances, 0.9),
-        "rotation_degrees": degrees(0.5),
-        "rotation_90_degrees": degrees(0.9),
+        "position": half.0,
+        "position_90": most.0,
+        "rotation_degrees": half.1,
+        "rotation_90_degrees": most.1,
         "certain": tried.certain(),
         "searches": tried.searches,
     })
