@@ -14,13 +14,13 @@ mod structure;
 mod video;
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use nvsprior::geometry::Lens;
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{Besides, Extras};
-use nvsprior::{Camera, Engine, Prior, RenderOptions};
+use nvsprior::{Engine, Prior, RenderOptions};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_lab::bench::median;
@@ -29,7 +29,7 @@ use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{MapOptions, Mapper};
 
 use crate::container::{Container, FINENESS};
-use crate::picture_renderer::PictureRenderer;
+use crate::picture_renderer::{PictureRenderer, timed};
 use crate::prior_file::PriorFile;
 use course::{Budget, Course};
 use from::FromArgs;
@@ -210,11 +210,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     report.poses = poses;
     let made = Made { args, container, render: &options.render, preprocessing, lens };
     let prior = made.write(from.as_ref(), &mapper)?;
-    made.write_doubt(&engine, &prior, &mapper)?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
     let rehearsal = Rehearsal { engine: &engine, options: &options, budget: args.rehearsal(&from) };
     let worth = rehearsal.run(&prior, &mapper, &points)?;
-    made.write_trials(&worth);
+    made.write_worth(&engine, &prior, &mapper, worth.as_ref())?;
     let sides = Sides::of(&engine, &prior, &mapper)?;
     sides.print();
     if let Some(folder) = &args.report {
@@ -325,39 +324,30 @@ impl Made<'_> {
         Ok(prior)
     }
 
-    /// Adds how far the prior's picture may be off. A `.ply` has no place for it.
-    fn write_doubt(&self, engine: &Engine, prior: &Prior, mapper: &Mapper) -> anyhow::Result<()> {
+    /// Adds how far the prior's picture may be off, and poses. A `.ply` has no place for it.
+    fn write_worth(
+        &self,
+        engine: &Engine,
+        prior: &Prior,
+        mapper: &Mapper,
+        worth: Option<&Worth>,
+    ) -> anyhow::Result<()> {
         if !prior.report().format.is_own() {
             return Ok(());
         }
         let pictures = mapper.views().iter().zip(mapper.poses().iter().copied());
         let bar = progress(pictures.len(), "doubt");
         let doubt = Some(doubt_of(engine, prior, pictures, &mut || bar.inc(1))?);
+        let pose_trials = worth.map(Worth::trials);
+        let pose_trials = pose_trials.unwrap_or_else(|| prior.extras().pose_trials.clone());
+        let extras = Extras { doubt, pose_trials, ..prior.extras().clone() };
+        let file = PriorFile::open(&self.args.out, None);
         // The prior is there, and is worth more.
-        if let Err(error) = self.add(|extras| extras.doubt = doubt) {
-            eprintln!("warning: {error:#}; `nvsprior doubt` adds it later");
+        if let Err(error) = file.and_then(|file| file.save_extras(&extras)) {
+            eprintln!(
+                "warning: {error:#}; the prior does not say how far pictures and poses are off"
+            );
         }
-        Ok(())
-    }
-
-    /// Adds what a rehearsal came to. A `.ply` has no place for it.
-    fn write_trials(&self, worth: &Option<Worth>) {
-        let Some(worth) = worth else { return };
-        let trials = worth.trials();
-        if let Err(error) = self.add(|extras| extras.pose_trials = trials) {
-            eprintln!("warning: {error:#}; the prior does not say how far off poses will be");
-        }
-    }
-
-    /// Changes what the written prior holds besides its splats.
-    fn add(&self, change: impl FnOnce(&mut Extras)) -> anyhow::Result<()> {
-        let file = PriorFile::open(&self.args.out, None)?;
-        if !file.prior.report().format.is_own() {
-            return Ok(());
-        }
-        let mut extras = file.prior.extras().clone();
-        change(&mut extras);
-        file.save_extras(&extras)?;
         Ok(())
     }
 }
@@ -366,12 +356,8 @@ impl Made<'_> {
 fn forward_seconds(engine: &Engine, prior: &Prior, mapper: &Mapper) -> anyhow::Result<f64> {
     const RENDERS: usize = 30;
     let mut renderer = PictureRenderer::new(engine, prior)?;
-    let camera: Camera = mapper.views()[0].camera;
-    let mut times = Vec::new();
-    for view in mapper.views().iter().cycle().take(RENDERS) {
-        let start = Instant::now();
-        renderer.render(&camera, &view.pose)?;
-        times.push(start.elapsed().as_secs_f64());
-    }
-    Ok(median(times))
+    let camera = mapper.views()[0].camera;
+    let views = mapper.views().iter().cycle().take(RENDERS);
+    let times = views.map(|view| timed(&mut renderer, &camera, &view.pose));
+    Ok(median(times.collect::<anyhow::Result<Vec<f64>>>()?) / 1e3)
 }

@@ -79,7 +79,8 @@ pub fn compare_times(
     Ok(Times { first: median(a), second: median(b), ratio: median(ratios) })
 }
 
-fn timed(renderer: &mut PictureRenderer, camera: &Camera, pose: &Pose) -> anyhow::Result<f64> {
+/// Milliseconds of a picture.
+pub fn timed(renderer: &mut PictureRenderer, camera: &Camera, pose: &Pose) -> anyhow::Result<f64> {
     let since = Instant::now();
     renderer.render(camera, pose)?;
     Ok(since.elapsed().as_secs_f64() * 1e3)

@@ -18,13 +18,13 @@ use std::collections::HashSet;
 use glam::DVec3;
 
 use nvsprior::prior::PriorError;
-use nvsprior::render::{Plan, Renderer};
 use nvsprior::truth::BLOCK;
 use nvsprior::vulkan::Error as DeviceError;
 use nvsprior::{Engine, Pose, Prior};
 
 use crate::PosedPicture;
 use crate::blending::{Blended, Blender, Pixel};
+use crate::drawn::Drawn;
 
 /// Sum of a splat's parts of pixels from which on a picture sees it.
 const SEEN: f64 = 0.5;
@@ -67,17 +67,12 @@ pub fn doubt_of<'a>(
     pictures: impl IntoIterator<Item = (&'a PosedPicture, Pose)>,
     told: &mut dyn FnMut(),
 ) -> Result<Vec<u8>, DoubtError> {
-    let scene = engine.upload(prior)?;
+    let mut drawn = Drawn::new(engine, prior)?;
     let mut blender = Blender::new(engine, prior)?;
     let mut seen = vec![Seen::default(); prior.len()];
-    let mut renderer: Option<Renderer> = None;
     for (picture, pose) in pictures {
         let camera = &picture.camera;
-        let drawn = match renderer.take().filter(|kept| kept.camera(0) == camera) {
-            Some(kept) => renderer.insert(kept),
-            None => renderer.insert(engine.renderer(&scene, camera, Plan::picture())?),
-        };
-        let squares = squares(picture, drawn.draw(&pose)?);
+        let squares = squares(picture, drawn.draw(camera, &pose)?);
         let of_pixel = |pixel: &Pixel, blended: &[Blended], sums: &mut [Told]| {
             if picture.counts(pixel.index) {
                 for Blended { place, weight, .. } in blended {
@@ -117,14 +112,13 @@ impl Seen {
     }
 }
 
-/// Mean squared errors of the 16×16 pixels around each pixel of a prior's picture, values of 0 to 255. `drawn`:
-/// height × width × 5 floats (R, G, B, depth, transmittance).
-fn squares(picture: &PosedPicture, drawn: &[f32]) -> Vec<f64> {
+/// Mean squared errors of the 16×16 pixels around each pixel that was [drawn](Drawn::draw), values of 0 to 255.
+fn squares(picture: &PosedPicture, pixels: &[[f32; 5]]) -> Vec<f64> {
     let [width, height] = [picture.camera.width, picture.camera.height].map(|s| s as usize);
     let stride = width + 1;
     // Sums over all pixels above and left: of the squared errors, and of the pixels that count.
     let mut sums = vec![[0.0; 2]; stride * (height + 1)];
-    for (pixel, values) in drawn.chunks_exact(5).enumerate() {
+    for (pixel, values) in pixels.iter().enumerate() {
         let colour = picture.colour(pixel);
         let off = |c: usize| f64::from(255.0 * (values[c].clamp(0.0, 1.0) - colour[c])).powi(2);
         let own = match picture.counts(pixel) {

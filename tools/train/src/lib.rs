@@ -8,6 +8,7 @@ mod blending;
 pub mod coder_tables;
 pub mod coverage;
 pub mod doubt;
+mod drawn;
 pub mod filter;
 mod fit;
 pub mod key_frames;

@@ -2,11 +2,11 @@
 
 use glam::{DQuat, DVec3};
 use nvsprior::prior::Splats;
-use nvsprior::render::{Plan, Renderer};
 use nvsprior::vulkan::Error;
 use nvsprior::{Camera, Engine, Pose, Prior};
 
 use crate::coverage::median;
+use crate::drawn::Drawn;
 
 /// Splats with less opacity show nothing. (Training makes surfaces of many faint splats.)
 const OPAQUE: f64 = 0.02;
@@ -73,16 +73,10 @@ impl Parallax {
         views: &[(Camera, Pose)],
         told: &mut dyn FnMut(),
     ) -> Result<Parallax, Error> {
-        let scene = engine.upload(prior)?;
-        let splats = prior.splats();
+        let (splats, mut drawn) = (prior.splats(), Drawn::new(engine, prior)?);
         let mut sides = vec![Sides::NONE; splats.len()];
-        let mut renderer: Option<Renderer> = None;
         for (camera, pose) in views {
-            let drawn = match renderer.take().filter(|kept| kept.camera(0) == camera) {
-                Some(kept) => renderer.insert(kept),
-                None => renderer.insert(engine.renderer(&scene, camera, Plan::picture())?),
-            };
-            see(splats, camera, pose, drawn.draw(pose)?, &mut sides);
+            see(splats, camera, pose, drawn.draw(camera, pose)?, &mut sides);
             told();
         }
         let shows = |index: usize| splats.opacity(index) > OPAQUE;
@@ -153,9 +147,8 @@ pub fn orbited(pose: &Pose, seen: DVec3, axis: DVec3, angle: f64) -> Pose {
     Pose { rotation, translation: seen - rotation * seen }.after(pose)
 }
 
-/// Notes which splats a view sees. `drawn`: height × width × 5 floats (R, G, B, depth, transmittance).
-fn see(splats: &Splats, camera: &Camera, pose: &Pose, drawn: &[f32], sides: &mut [Sides]) {
-    let pixels = drawn.as_chunks::<5>().0;
+/// Notes which splats a view sees. `pixels`: as they are [drawn](Drawn::draw).
+fn see(splats: &Splats, camera: &Camera, pose: &Pose, pixels: &[[f32; 5]], sides: &mut [Sides]) {
     let centre = pose.centre();
     for (position, sides) in splats.positions.iter().zip(sides) {
         let place = DVec3::from(position.map(f64::from));

@@ -12,6 +12,7 @@ use nvsprior::packet::{Residual, residual_part_len};
 use nvsprior::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, FrameStats, Picture, Pose, Rate};
 use nvsprior_inputs::args::progress;
+use nvsprior_train::pose_trials::moved;
 use serde::Serialize;
 
 use super::context::Context;
@@ -45,9 +46,6 @@ const TARGETS: [f64; 3] = [29.0, 31.0, 33.0];
 const MOST: f64 = 4.0;
 /// Starts may end so far below the best of them, dB.
 const BELOW: f64 = 0.3;
-/// Moved starts: along the camera's axes, in depths of the scene, and about them, radians.
-const MOVED: [[f64; 6]; 2] =
-    [[0.03, -0.02, 0.03, 0.02, -0.03, 0.02], [-0.05, 0.04, -0.04, -0.04, 0.05, -0.03]];
 /// Smaller ratios are drawn here.
 const LEAST: f64 = 0.01;
 
@@ -189,10 +187,7 @@ fn below(
     truth: &Pose,
     found: &FrameStats,
 ) -> anyhow::Result<Vec<f64>> {
-    let depth = found.observability.length;
-    let moved = MOVED.map(|step| {
-        truth.stepped(&std::array::from_fn(|i| if i < 3 { step[i] * depth } else { step[i] }))
-    });
+    let moved = moved(truth, found.observability.length);
     let mut reached = vec![found.render_psnr];
     for start in [*truth].into_iter().chain(moved) {
         encoder.reset();

@@ -5,17 +5,15 @@
 //! what is new is not taken for a fault. Where the pictures show the same detail in another light, the views take that
 //! light: their detail stays, and their blurred colours follow the splats.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 use nvsprior::prior::{RenderOptions, Splats};
 use nvsprior::render::training::SH_0;
-use nvsprior::render::{Plan, Renderer, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 use rayon::prelude::*;
 
 use super::{Exposure, MapError};
 use crate::PosedPicture;
+use crate::drawn::Drawn;
 
 /// Pictures that must show a splat, so that they say something of it.
 const SEEN_BY: u32 = 2;
@@ -275,29 +273,6 @@ impl Marks {
     fn shares(&mut self, view: &PosedPicture) -> Result<Vec<[f32; 2]>, MapError> {
         let drawn = self.0.draw(&view.camera, &view.pose)?;
         Ok(drawn.iter().map(|pixel| [pixel[0], pixel[1]]).collect())
-    }
-}
-
-/// A prior that is drawn for some cameras, one at a time.
-struct Drawn {
-    engine: Engine,
-    scene: Arc<Scene>,
-    renderer: Option<(Camera, Renderer)>,
-}
-
-impl Drawn {
-    fn new(engine: &Engine, prior: &Prior) -> Result<Drawn, MapError> {
-        Ok(Drawn { engine: engine.clone(), scene: engine.upload(prior)?, renderer: None })
-    }
-
-    /// Red, green, blue, depth Σ wᵢ zᵢ and transmittance of each pixel.
-    fn draw(&mut self, camera: &Camera, pose: &Pose) -> Result<&[[f32; 5]], MapError> {
-        let kept = self.renderer.take().filter(|(own, _)| own == camera);
-        let (_, renderer) = self.renderer.insert(match kept {
-            Some(kept) => kept,
-            None => (*camera, self.engine.renderer(&self.scene, camera, Plan::picture())?),
-        });
-        Ok(renderer.draw(pose)?.as_chunks::<5>().0)
     }
 }
 
