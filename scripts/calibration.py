@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
-"""Holds what the program says of its poses to account: docs/poses.md. Usage: calibration.py OUT [--frames N]
+"""Holds what the program says of its poses to account: docs/poses.md.
+Usage: calibration.py OUT [--frames N] [--only PART]
 
 Draws dives that no constant was chosen on, and runs `nvsprior bench --poses` on them, on the reef and on White Point
-(mapped first), if there are such data. Fails if a dive of 200 frames or more breaks the promise."""
+(mapped first), if there are such data, and on T7 of the tower by five mapping runs. Fails if a dive of 200 frames or
+more breaks the promise."""
 import argparse
 import json
 import pathlib
@@ -61,6 +63,28 @@ def real(out):
                              "--split", split, *near)
 
 
+# The tower's mapping runs, as course and lens; and what its dives are flown with beside the mapping run's camera.
+TOWERS = [("approach", 33), ("arcs", 33), ("both", 33), ("approach", 80), ("both", 80)]
+VEHICLES = {"": (), "camera-2": ("--camera", 2), "left-lamp": ("--lamps", "left")}
+
+
+def tower(out, frames):
+    for course, lens in TOWERS:
+        folder = out / f"tower-{course}-{lens}"
+        prior, report, seen = folder / "prior.nvsg", folder / "report", ("--lens", lens)
+        if not prior.exists():
+            run("demo", "--site", "tower", "--mapping-run", "--course", course, *seen, "--out", folder)
+            run("map", "--cameras", folder / "M4/cameras.json", "--splats", 10000, "--iterations", 1500,
+                "--out", prior, "--report", report)
+        expected = json.loads((report / "report.json").read_text())["expected_pose_error"]
+        print(f"T7, {course}, {lens} degrees: expected {expected}", flush=True)
+        for vehicle, options in VEHICLES.items():
+            dive = out / f"T7-{lens}{vehicle and '-' + vehicle}"
+            if not dive.exists():
+                run("demo", "--run", "T7", "--draw-only", "--frames", frames // 5, *seen, *options, "--out", dive)
+            yield from bench(f"{dive.name} {course}", out, "--prior", prior, "--cameras", dive / "T7/cameras.json")
+
+
 def faults(summary):
     """What breaks the promise, of a long dive as it is."""
     for axis in summary["axes"]:
@@ -73,10 +97,13 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--only", choices=["drawn", "real", "tower"])
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
-    rows = [*drawn(given.out, given.frames), *real(given.out)]
-    print(f"\n{'dive':28} {'condition':14} {'certain':>9} {'known':>6} {'wrong':>6}  faults")
+    parts = {"drawn": drawn(given.out, given.frames), "real": real(given.out), "tower": tower(given.out, given.frames)}
+    rows = [row for name, rows in parts.items() if given.only in (None, name) for row in rows]
+    print(f"\n{'dive':28} {'condition':14} {'certain':>9} {'known':>6} {'wrong':>6} {'off by':>15} {'dB':>5} "
+          f"{'bytes at 31 dB':>14}  faults")
     total = wrong = broken = 0
     for name, summary in rows:
         held = summary["condition"] == "plain" and summary["certain"] >= LEAST
@@ -86,7 +113,9 @@ def main():
         broken += bool(bad)
         certain = f"{summary['certain']}/{summary['frames']}"
         print(f"{name:28} {summary['condition']:14} {certain:>9} {summary['known']:6} "
-              f"{summary['known_and_wrong']:6}  {', '.join(bad)}")
+              f"{summary['known_and_wrong']:6} {summary['position_error']:7.3f} "
+              f"{summary['rotation_error_degrees']:6.2f}° {summary['render_psnr']:5.1f} {summary['bytes'][1]:14.0f}  "
+              f"{', '.join(bad)}")
     print(f"position known in {total} frames, of which {wrong} are off by more than {MOST:.0f} times what is stated")
     return 1 if broken else 0
 

@@ -14,7 +14,8 @@ pub(crate) struct FrameTime {
 }
 
 impl FrameTime {
-    /// `search` and `coding`: how long their steps take, by one clock. Fails if `most` is less than a render and a coding.
+    /// `search` and `coding`: how long their steps take, by one clock. Fails if `most` is less than a render and a
+    /// coding.
     pub fn new(most: Duration, search: SearchSteps, coding: StepTime) -> Result<FrameTime, Error> {
         let least = search.full_render() + coding.longest();
         if most < least {

@@ -7,7 +7,7 @@ use crate::frame_work::{Coders, FrameWork};
 use crate::packet::{Latent, PoseProfile, QuantisedPose, Session};
 use crate::render::Scene;
 use crate::residual::ResidualSetup;
-use crate::tracking::{Clock, Objective, SearchSteps, StepTime};
+use crate::tracking::{Clock, Objective, StepTime, measured_steps};
 use crate::{Camera, Error, Picture, Pose, Rate};
 
 /// Key frames at which renders are timed.
@@ -35,7 +35,7 @@ pub(super) fn frame_time(
 ) -> Result<FrameTime, Error> {
     let scene = objective.renderer().scene().clone();
     let poses = views(&scene);
-    let search = SearchSteps::measure(clock, objective, &poses)?;
+    let search = measured_steps(clock, objective, &poses)?;
     let coding = StepTime::new(clock);
     let mut render = Picture::new(camera.width, camera.height);
     objective.renderer().picture(&poses[0], &mut render)?;

@@ -3,19 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use crate::Pose;
-use crate::search::COMPACT;
-use crate::vulkan::Error;
-
-use super::budget::{COARSE, LEAST, Room, SearchSteps};
-use super::gauss_newton;
-use super::schedule::Schedule;
-use super::{Clock, GaussNewtonOptions, Objective, Relocaliser};
+use super::Clock;
 
 /// Steps of which the longest counts.
 const RECENT: usize = 8;
-/// How often steps are timed at a pose. The shortest time counts: the driver compiles, and other programs disturb.
-const ROUNDS: usize = 3;
 
 /// How long a step takes: the longest of the last ones, by a clock. All who hold it share it.
 #[derive(Clone, Debug)]
@@ -48,7 +39,8 @@ impl StepTime {
         }
     }
 
-    fn add(&self, taken: Duration) {
+    /// Notes how long a step took.
+    pub fn add(&self, taken: Duration) {
         let mut recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
         let next = recent.next;
         recent.times[next] = taken;
@@ -59,42 +51,6 @@ impl StepTime {
     pub fn longest(&self) -> Duration {
         let recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner);
         recent.times.into_iter().max().unwrap_or_default()
-    }
-}
-
-impl SearchSteps {
-    /// Measures at some poses. The driver compiles then, and in no frame.
-    pub fn measure(
-        clock: &Clock,
-        objective: &mut Objective,
-        poses: &[Pose],
-    ) -> Result<SearchSteps, Error> {
-        let GaussNewtonOptions { cold, damping, .. } = GaussNewtonOptions::default();
-        let once = Schedule { first_level: 0, follow_level: 0, renders: 1, leap: 0.0, ..cold };
-        let mut relocaliser = Relocaliser::new(objective, &[]);
-        objective.set_flat_frame();
-        let search = |objective: &mut Objective, pose: &Pose, schedule: &Schedule| {
-            gauss_newton::search(objective, &[*pose], schedule, damping, COMPACT, &Room::ALL)
-        };
-        let steps = SearchSteps { coarse: StepTime::new(clock), look: StepTime::new(clock) };
-        for pose in poses {
-            search(objective, pose, &cold)?;
-            let mut shortest = [Duration::MAX; 2];
-            for _ in 0..ROUNDS {
-                let begun = clock.now();
-                search(objective, pose, &once)?;
-                let searched = clock.now();
-                relocaliser.approach(objective, pose, 1)?;
-                let taken = [
-                    searched.saturating_sub(begun) / (COARSE * LEAST),
-                    clock.now().saturating_sub(searched),
-                ];
-                shortest = std::array::from_fn(|i| shortest[i].min(taken[i]));
-            }
-            steps.coarse.add(shortest[0]);
-            steps.look.add(shortest[1]);
-        }
-        Ok(steps)
     }
 }
 

@@ -66,7 +66,8 @@ impl Tracker {
         found: PoseEstimate,
         max: f64,
     ) -> Result<PoseEstimate, Error> {
-        if !(found.certain && self.is_uneven(&found.agreement, max)) || !self.has_room(LEAST) {
+        let uneven = found.certain && self.is_uneven(&found.agreement, max);
+        if !uneven || !self.has_room(LEAST) {
             return Ok(found);
         }
         let mut best = found;
