@@ -104,7 +104,7 @@ fn take_from(
     std::thread::spawn(move || {
         let mut buffer = vec![0; DATAGRAM];
         loop {
-            match endpoint::receive(&socket, Duration::from_secs(60), &mut buffer) {
+            match endpoint::receive(&socket, Some(Duration::from_secs(60)), &mut buffer) {
                 Ok(None) => {}
                 // If there is no room, it is dropped.
                 Ok(Some((bytes, from))) => drop(sender.try_send(as_came(bytes.to_vec(), from))),

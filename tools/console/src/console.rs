@@ -113,7 +113,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         eprintln!("{prior}: without doubt: all that was not seen is doubtful (`nvsprior doubt`)");
     }
     let engine = args.device.open()?;
+    let prior_file = args.prior.prior.file_name().unwrap_or_default().display().to_string();
     let options = TopsideOptions {
+        prior_file,
         mtu: args.mtu.into(),
         source: source.name(),
         clock: source.clock(),

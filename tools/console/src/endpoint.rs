@@ -45,17 +45,21 @@ pub fn connect(to: SocketAddr) -> Result<UdpSocket, EndpointError> {
     Ok(socket)
 }
 
-/// The next datagram within a time; `None`: none came. That nobody listens at the other end is no failure: it may do so
-/// later.
+/// The next datagram within a time, or without it one that waits; `None`: none. That nobody listens at the other end is
+/// no failure: it may do so later.
 pub fn receive<'a>(
     socket: &UdpSocket,
-    within: Duration,
+    within: Option<Duration>,
     into: &'a mut [u8],
 ) -> std::io::Result<Option<(&'a [u8], SocketAddr)>> {
     use std::io::ErrorKind::{ConnectionRefused, Interrupted, TimedOut, WouldBlock};
     // A timeout of zero would be none.
-    socket.set_read_timeout(Some(within.max(Duration::from_millis(1))))?;
-    match socket.recv_from(into) {
+    socket.set_read_timeout(within.map(|within| within.max(Duration::from_millis(1))))?;
+    socket.set_nonblocking(within.is_none())?;
+    let received = socket.recv_from(into);
+    // What is sent must wait for room.
+    socket.set_nonblocking(false)?;
+    match received {
         Ok((len, from)) => Ok(Some((&into[..len], from))),
         Err(error) => match error.kind() {
             WouldBlock | TimedOut | Interrupted | ConnectionRefused => Ok(None),

@@ -176,6 +176,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Seconds between two looks for a raw frame.
 const WAIT: f64 = 0.01;
+/// Datagrams that wait are taken after each frame: at most so many, and for so long. The rest waits for the next frame.
+const WAITING: usize = 4096;
+const TAKING: Duration = Duration::from_millis(50);
+/// If so many frames in a row take longer than the frame rate allows, the vehicle says so.
+const SLOW: usize = 8;
 
 #[derive(Default)]
 struct Counts {
@@ -208,11 +213,18 @@ impl Dive {
 
     fn go(&mut self, mut frames: Frames, frame_rate: f64) -> anyhow::Result<()> {
         let mut first = Some(frames.first());
+        let mut speed = Speed::default();
         loop {
             match frames.next(self.now(), frame_rate)? {
                 Next::Frame(frame) => {
                     self.work_until(frame.number as f64 / frame_rate)?;
+                    let begun = self.now();
                     self.send(&frame, first.take().unwrap_or_default())?;
+                    if let Some(taken) = speed.slower(self.now() - begun, frame_rate) {
+                        println!(
+                            "vehicle: too slow for {frame_rate} frames per second, takes {taken:.1}"
+                        );
+                    }
                 }
                 Next::Wait => self.work_until(self.now() + WAIT)?,
                 Next::End => break,
@@ -255,8 +267,32 @@ impl Dive {
         }
     }
 
+    /// Takes what waits on the socket, however late it is: a vehicle that is slower than its frame rate would hear
+    /// nothing else. What is no report costs next to nothing.
+    fn take_waiting(&mut self) -> anyhow::Result<()> {
+        let begun = Instant::now();
+        for _ in 0..WAITING {
+            if begun.elapsed() > TAKING || !self.take_datagram(None)? {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a datagram that comes within a time, or that waits; false: none.
+    fn take_datagram(&mut self, within: Option<Duration>) -> anyhow::Result<bool> {
+        let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
+        let Some((bytes, _)) = received else { return Ok(false) };
+        if let Ok((report, user)) = self.vehicle.read_report(bytes) {
+            let message = user.and_then(PilotMessage::read);
+            self.take_report(&report, message)?;
+        }
+        Ok(true)
+    }
+
     /// Sends what is due and takes reports, until a time.
     fn work_until(&mut self, time: f64) -> anyhow::Result<()> {
+        self.take_waiting()?;
         loop {
             self.send_due();
             let now = self.now();
@@ -265,13 +301,7 @@ impl Dive {
             }
             let due = self.vehicle.due().map(|due| due.max(self.free)).unwrap_or(f64::INFINITY);
             let within = Duration::from_secs_f64((due.min(time) - now).clamp(0.0, 1.0));
-            let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
-            if let Some((bytes, _)) = received
-                && let Ok((report, user)) = self.vehicle.read_report(bytes)
-            {
-                let message = user.and_then(PilotMessage::read);
-                self.take_report(&report, message)?;
-            }
+            self.take_datagram(Some(within))?;
         }
     }
 
@@ -329,5 +359,48 @@ impl Dive {
             );
         }
         Ok(())
+    }
+}
+
+/// Tells once if frames take longer than their rate allows.
+#[derive(Default)]
+struct Speed {
+    slow: usize,
+    seconds: f64,
+    told: bool,
+}
+
+impl Speed {
+    /// Notes how long a frame took. Returns how many of them a second would have room for, if they are too slow.
+    fn slower(&mut self, seconds: f64, frame_rate: f64) -> Option<f64> {
+        if seconds * frame_rate <= 1.0 {
+            (self.slow, self.seconds) = (0, 0.0);
+            return None;
+        }
+        self.slow += 1;
+        self.seconds += seconds;
+        if self.told || self.slow < SLOW {
+            return None;
+        }
+        self.told = true;
+        Some(self.slow as f64 / self.seconds)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vehicle_that_is_too_slow_says_so_once() {
+        let mut speed = Speed::default();
+        let mut frames = |seconds, count| -> Vec<f64> {
+            (0..count).filter_map(|_| speed.slower(seconds, 10.0)).collect()
+        };
+        assert!(frames(0.09, 20).is_empty());
+        assert!(frames(0.2, SLOW - 1).is_empty());
+        assert!(frames(0.09, 1).is_empty(), "in time again");
+        let told = frames(0.25, 3 * SLOW);
+        assert!(told.len() == 1 && (told[0] - 4.0).abs() < 1e-9, "{told:?}");
     }
 }

@@ -69,7 +69,7 @@ impl Program {
 pub struct Desk {
     console: Option<Program>,
     vehicle: Program,
-    _channel: Program,
+    channel: Option<Program>,
     pub page: String,
     udp: String,
     /// Where the vehicle sends to.
@@ -98,10 +98,12 @@ impl Desk {
         if !folder().join("prior.ply").exists() {
             run("demo --out . --frames 1");
         }
+        let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors/prior.ply");
+        std::fs::copy(vectors, folder().join("other.ply")).unwrap();
         if !folder().join(format!("T2/T2/{FRAMES:04}.png")).exists() {
             run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out ."));
         }
-        let (console, page, udp) = console("127.0.0.1:0", "127.0.0.1:0");
+        let (console, page, udp) = console("prior.ply", "127.0.0.1:0", "127.0.0.1:0");
         let link = format!(
             "channel --from 127.0.0.1:0 --to {udp} --bit-rate {BIT_RATE} --loss 0.1 --delay 0.5"
         );
@@ -109,7 +111,7 @@ impl Desk {
         let modem = behind(&channel.says("channel: "), "from ").to_owned();
         let water = Arc::new(Mutex::new(Water::Clear));
         let vehicle = vehicle(&modem, BIT_RATE, &water);
-        Desk { console: Some(console), vehicle, _channel: channel, page, udp, modem, water }
+        Desk { console: Some(console), vehicle, channel: Some(channel), page, udp, modem, water }
     }
 
     pub fn water(&self, water: Water) {
@@ -129,10 +131,15 @@ impl Desk {
         self.console = None;
     }
 
-    /// Starts it at the addresses that it had.
-    pub fn start_console(&mut self) {
+    /// Starts it at the addresses that it had, with a prior of the folder.
+    pub fn start_console(&mut self, prior: &str) {
         let page = self.page.trim_start_matches("http://").trim_end_matches('/');
-        self.console = Some(console(page, &self.udp).0);
+        self.console = Some(console(prior, page, &self.udp).0);
+    }
+
+    /// What the vehicle sends no longer arrives.
+    pub fn cut_the_link(&mut self) {
+        self.channel = None;
     }
 
     /// Processor time that the console has taken, seconds.
@@ -145,8 +152,8 @@ impl Desk {
     }
 }
 
-fn console(page: &str, udp: &str) -> (Program, String, String) {
-    let args = format!("console --prior prior.ply --keep kept --listen {page} --udp {udp}");
+fn console(prior: &str, page: &str, udp: &str) -> (Program, String, String) {
+    let args = format!("console --prior {prior} --keep kept --listen {page} --udp {udp}");
     let (program, _) = Program::start(&args);
     let line = program.says("console: ");
     (program, behind(&line, " on ").to_owned(), behind(&line, "UDP ").to_owned())

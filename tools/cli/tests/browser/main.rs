@@ -24,6 +24,7 @@ fn the_page_follows_a_dive() {
     silence_is_told_and_the_page_recovers(&page, &mut desk);
     it_fits_a_tablet(&page);
     the_overlay_lies_over_the_new_object(&page, &mut desk);
+    nothing_of_another_run_stays(&page, &mut desk);
 }
 
 fn pictures_come_and_change(page: &Page) {
@@ -125,7 +126,7 @@ fn silence_is_told_and_the_page_recovers(page: &Page, desk: &mut Desk) {
     assert_eq!(page.text("pose-name"), "was certain", "what was said long ago is not said of now");
     page.save("silent");
     let before = page.number("window.latencies.length");
-    desk.start_console();
+    desk.start_console("prior.ply");
     page.until("the console", "isConnected && byId('banner').hidden");
     page.until("pictures again", &format!("window.latencies.length > {before} + 3"));
     assert_eq!(page.text("pose-name"), "certain");
@@ -203,4 +204,37 @@ fn the_overlay_lies_over_the_new_object(page: &Page, desk: &mut Desk) {
     page.key("o");
     page.until("the overlay again", &overlay);
     page.key("p");
+}
+
+/// Parts of a canvas's pixels that are drawn.
+fn drawn(page: &Page, canvas: &str) -> f64 {
+    page.number(&format!(
+        "((canvas) => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data
+            .filter((alpha, k) => k % 4 === 3 && alpha > 0).length / (canvas.width * canvas.height))(byId('{canvas}'))"
+    ))
+}
+
+/// A console that is started again, with another site's prior, while nothing comes: no picture, no view, no vehicle of
+/// before, and the other map.
+fn nothing_of_another_run_stays(page: &Page, desk: &mut Desk) {
+    page.until("all of it", "images.picture && images.chase && state.plan.vehicle");
+    assert!(drawn(page, "picture") > 0.5 && drawn(page, "chase") > 0.1);
+    let map = page.number("checksum(byId('plan'))");
+    assert!(page.text("prior").starts_with("prior.ply · "), "{}", page.text("prior"));
+    desk.cut_the_link();
+    desk.stop_console();
+    page.until("the failure", "byId('banner').textContent.includes('does not answer')");
+    desk.start_console("other.ply");
+    page.until("the other map", "isConnected && state.prior.file === 'other.ply' && images.plan");
+    assert!(page.is("state.picture === null && images.picture === null && images.chase === null"));
+    for canvas in ["picture", "marks", "chase"] {
+        assert_eq!(drawn(page, canvas), 0.0, "{canvas}");
+    }
+    assert_eq!(
+        (page.text("age").as_str(), page.text("pose-name").as_str()),
+        ("–", "no picture yet")
+    );
+    assert_ne!(page.number("checksum(byId('plan'))"), map);
+    assert!(page.text("prior").starts_with("other.ply · "), "{}", page.text("prior"));
+    page.save("another-run");
 }

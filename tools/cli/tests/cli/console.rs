@@ -187,6 +187,51 @@ fn a_channel_takes_its_time() {
     }
 }
 
+/// Carries datagrams between a vehicle and a topside, and with each one to the vehicle many that are none of its own.
+fn carry_with_strangers(topside: &str) -> String {
+    let (carrier, at) = socket();
+    let topside: std::net::SocketAddr = topside.parse().unwrap();
+    std::thread::spawn(move || {
+        let (mut vehicle, mut buffer) = (None, [0; 2048]);
+        while let Ok((len, from)) = carrier.recv_from(&mut buffer) {
+            let to = if from == topside { vehicle } else { Some(topside) };
+            if from != topside {
+                vehicle = Some(from);
+            } else if let Some(vehicle) = vehicle {
+                (0..200).for_each(|k| drop(carrier.send_to(&[k; 40], vehicle)));
+            }
+            to.into_iter().for_each(|to| drop(carrier.send_to(&buffer[..len], to)));
+        }
+    });
+    at
+}
+
+#[test]
+fn a_vehicle_that_is_too_slow_hears_its_topside_among_strangers() {
+    let dive = Dive::new();
+    let console = Console::start(&dive, "--udp 127.0.0.1:0");
+    let to = carry_with_strangers(&console.udp);
+    let fixed = "vehicle --prior prior.ply --cameras cameras.json --split dive --bit-rate 20000";
+    let mut vehicle =
+        Running::start(&dive, &format!("{fixed} --frame-rate 240 --to {to} --forth-and-back"));
+    vehicle.line_with("too slow for 240 frames per second, takes ");
+    console.until_picture(1);
+    let parts = json!({ "parts": [0.25, 0.25, 0.75, 0.75] });
+    assert_eq!(console.post("/region", &parts), 202);
+    vehicle.line_with("a region of interest");
+}
+
+#[test]
+fn the_page_is_told_which_run_and_which_prior_it_shows() {
+    let dive = Dive::without_frames();
+    let one = Console::start(&dive, "--udp 127.0.0.1:0").state();
+    let other = Console::start(&dive, "--udp 127.0.0.1:0").state();
+    assert_ne!(one["run"], other["run"]);
+    assert_eq!(one["prior"], other["prior"]);
+    assert_eq!(one["prior"]["file"], "prior.ply");
+    assert_eq!(one["prior"]["identity"].as_str().unwrap().len(), 8);
+}
+
 #[test]
 fn what_the_vehicle_sees_is_on_the_page() {
     let dive = Dive::new();

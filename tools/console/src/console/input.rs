@@ -164,7 +164,7 @@ impl Source {
 fn take_datagrams(socket: &UdpSocket, clock: Clock, events: &SyncSender<Event>) -> String {
     let mut buffer = vec![0; DATAGRAM];
     loop {
-        match endpoint::receive(socket, Duration::from_secs(60), &mut buffer) {
+        match endpoint::receive(socket, Some(Duration::from_secs(60)), &mut buffer) {
             Ok(None) => {}
             Ok(Some((bytes, from))) => {
                 let bytes = bytes.to_vec();

@@ -8,6 +8,9 @@ use super::projection::Pixel;
 
 #[derive(Debug, Serialize)]
 pub struct State {
+    /// Tells one run of the console from another: a page shows nothing of one that has ended.
+    pub run: String,
+    pub prior: PriorState,
     /// The topside's UTC.
     pub now: f64,
     /// How fast it goes: a recording may be played faster.
@@ -32,6 +35,15 @@ pub struct State {
     pub note: Option<String>,
     pub warnings: Vec<String>,
     pub overlay: Option<Overlay>,
+}
+
+/// The prior that the topside holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct PriorState {
+    /// The file's name.
+    pub file: String,
+    /// What both sides must have the same, as hexadecimal digits.
+    pub identity: String,
 }
 
 /// What the vehicle says of its pose.

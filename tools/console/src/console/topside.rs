@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use nvsprior::keys::Keys;
@@ -20,11 +20,13 @@ use super::link_log::LinkLog;
 use super::overlay::{MemoryView, Overlay};
 use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
-use super::state::{LinkState, PictureState, PoseState, State, clock_name};
+use super::state::{LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
 use crate::key_state::KeyState;
 
 pub struct TopsideOptions {
+    /// Name of the prior's file.
+    pub prior_file: String,
     pub mtu: usize,
     pub source: String,
     pub clock: Clock,
@@ -70,6 +72,9 @@ const AT_ONCE: usize = 256;
 
 /// All of the console's state.
 pub struct Topside {
+    /// See [`State::run`].
+    run: String,
+    prior: PriorState,
     options: TopsideOptions,
     pictures: Pictures,
     views: SceneViews,
@@ -107,7 +112,11 @@ impl Topside {
         let scene = engine.upload(prior).context("uploading the prior")?;
         let views = SceneViews::new(engine, prior, &scene)?;
         let (publisher, receiver) = watch::channel(Published::none());
+        let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let identity = scene.id().to_string();
         let mut topside = Topside {
+            run: format!("{:x}", started.as_nanos()),
+            prior: PriorState { file: options.prior_file.clone(), identity },
             pictures: Pictures::new(
                 engine,
                 &scene,
@@ -315,6 +324,8 @@ impl Topside {
         let uncertain_for = self.uncertain_since.map_or(0.0, |since| now - since);
         let views = self.views.state(now, shown);
         State {
+            run: self.run.clone(),
+            prior: self.prior.clone(),
             now,
             speed: self.options.clock.speed(),
             source: self.options.source.clone(),

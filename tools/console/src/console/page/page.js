@@ -15,6 +15,7 @@ const LABELS = {
 const byId = (id) => document.getElementById(id);
 const address = (path) => path + location.search;
 
+let run = null; // Of the console, which this page shows. What another one showed is gone.
 let state = null; // As the console told it last.
 let told = 0; // When that was, milliseconds of this page's clock.
 let isConnected = false;
@@ -35,16 +36,31 @@ async function fetchImage(path) {
   return createImageBitmap(await response.blob());
 }
 
+function forget(name) {
+  if (images[name]) images[name].close();
+  [images[name], loaded[name]] = [null, null];
+}
+
+// Nothing that an ended run of the console has shown stays.
+function beginRun(next) {
+  run = next;
+  Object.keys(images).forEach(forget);
+  byId("note").textContent = "";
+}
+
 // Has an image that the state tells of, unless it is on its way already.
 async function load(name, number, path, then) {
   if (number === loaded[name] || loading[name]) return;
   loading[name] = true;
   const { arrived } = state.picture || {};
+  const asked = run;
   try {
     const image = await fetchImage(path);
-    if (images[name]) images[name].close();
-    [images[name], loaded[name]] = [image, number];
-    then(arrived);
+    if (asked === run) {
+      forget(name);
+      [images[name], loaded[name]] = [image, number];
+      then(arrived);
+    } else image.close();
   } catch (error) {
     console.warn(error.message);
   }
@@ -141,7 +157,8 @@ function tick() {
 }
 
 function showState() {
-  const { link, picture } = state;
+  const { link, picture, prior } = state;
+  byId("prior").textContent = `${prior.file} · ${prior.identity}`;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
   byId("age-label").textContent = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
   byId("rate").textContent = Math.round(link.bit_rate);
@@ -171,7 +188,11 @@ function connect() {
   events.onmessage = (event) => {
     const next = JSON.parse(event.data);
     if (!next.link) return;
+    if (next.run !== run) beginRun(next.run);
     [state, told, isConnected] = [next, performance.now(), true];
+    if (!state.picture) forget("picture");
+    if (!state.chase.number) forget("chase");
+    if (!images.picture) drawPicture();
     showState();
     tick();
     drawMarks();

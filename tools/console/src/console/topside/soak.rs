@@ -99,6 +99,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let vehicle = socket.local_addr().unwrap();
     let options = TopsideOptions {
+        prior_file: String::new(),
         mtu: MTU,
         source: "a recording".into(),
         clock: Clock::of_recording(START, 0.0),
