@@ -220,7 +220,7 @@ fn nothing_of_another_run_stays(page: &Page, desk: &mut Desk) {
     page.until("all of it", "images.picture && images.chase && state.plan.vehicle");
     assert!(drawn(page, "picture") > 0.5 && drawn(page, "chase") > 0.1);
     let map = page.number("checksum(byId('plan'))");
-    assert!(page.text("prior").starts_with("prior.ply · "), "{}", page.text("prior"));
+    assert!(page.text("prior").starts_with("· prior.ply · "), "{}", page.text("prior"));
     desk.cut_the_link();
     desk.stop_console();
     page.until("the failure", "byId('banner').textContent.includes('does not answer')");
@@ -230,11 +230,12 @@ fn nothing_of_another_run_stays(page: &Page, desk: &mut Desk) {
     for canvas in ["picture", "marks", "chase"] {
         assert_eq!(drawn(page, canvas), 0.0, "{canvas}");
     }
+    assert!(page.is("byId('legend').hidden && byId('about').textContent === ''"));
     assert_eq!(
         (page.text("age").as_str(), page.text("pose-name").as_str()),
         ("–", "no picture yet")
     );
     assert_ne!(page.number("checksum(byId('plan'))"), map);
-    assert!(page.text("prior").starts_with("other.ply · "), "{}", page.text("prior"));
+    assert!(page.text("prior").starts_with("· other.ply · "), "{}", page.text("prior"));
     page.save("another-run");
 }

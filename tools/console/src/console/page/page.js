@@ -90,8 +90,9 @@ function drawPicture() {
 function drawMarks() {
   const place = begin(byId("marks"));
   const overlay = shows.overlay && state && state.overlay;
-  if (!box || !state) return;
+  if (!state) return;
   showLegend();
+  if (!box) return;
   if (overlay) drawOverlay(place, box, overlay);
   if (shows.path && state.path) drawPath(place, box, state.path);
   const region = marker.drawn || state.region;
@@ -158,7 +159,7 @@ function tick() {
 
 function showState() {
   const { link, picture, prior } = state;
-  byId("prior").textContent = `${prior.file} · ${prior.identity}`;
+  byId("prior").textContent = `· ${prior.file} · ${prior.identity}`;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
   byId("age-label").textContent = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
   byId("rate").textContent = Math.round(link.bit_rate);
