@@ -85,7 +85,7 @@ fn keys_do_what_the_page_says(page: &Page) {
         }
     }
     page.key("s");
-    page.until("a snapshot", "byId('note').textContent.startsWith('snapshot: ')");
+    page.until("a snapshot", "/^\\d\\d:\\d\\d:\\d\\d snapshot: /.test(byId('note').textContent)");
     page.key("r");
     page.until("a recording", "state.recorded > 0");
     page.key("r");
@@ -124,11 +124,18 @@ fn silence_is_told_and_the_page_recovers(page: &Page, desk: &mut Desk) {
     std::thread::sleep(Duration::from_secs(2));
     assert!(!page.is("byId('banner').hidden"));
     assert_eq!(page.text("pose-name"), "was certain", "what was said long ago is not said of now");
+    let faded = "['picture', 'plan', 'chase', 'bytes-plot']
+        .every((name) => getComputedStyle(byId(name)).filter.includes('grayscale'))";
+    assert!(page.is(faded));
+    page.key("s");
+    page.until("a note", "byId('note').textContent.includes('nothing was done')");
     page.save("silent");
     let before = page.number("window.latencies.length");
     desk.start_console("prior.ply");
     page.until("the console", "isConnected && byId('banner').hidden");
     page.until("pictures again", &format!("window.latencies.length > {before} + 3"));
+    assert!(!page.is(faded));
+    assert_eq!(page.text("note"), "", "it answers now");
     assert_eq!(page.text("pose-name"), "certain");
 }
 

@@ -2,6 +2,7 @@
 // The state that the console tells, on the screen.
 
 const OLD = 4, VERY_OLD = 10; // Seconds from which on the age of the picture is marked.
+const NOTE = 20; // Seconds after which a note fades.
 const SLOTS = 120; // Seconds of the plots.
 const SIGNS = { waiting: "○", certain: "●", searching: "◐", lost: "✕" };
 const NAMES = { waiting: "no picture yet", certain: "certain", searching: "searching", lost: "LOST" };
@@ -41,11 +42,19 @@ function forget(name) {
   [images[name], loaded[name]] = [null, null];
 }
 
+let noted = 0; // When the last note came, milliseconds of this page's clock.
+
+// What a command came to, with the time of day.
+function note(text) {
+  noted = performance.now();
+  byId("note").textContent = text && `${new Date().toTimeString().slice(0, 8)} ${text}`;
+}
+
 // Nothing that an ended run of the console has shown stays.
 function beginRun(next) {
   run = next;
   Object.keys(images).forEach(forget);
-  byId("note").textContent = "";
+  note("");
 }
 
 // Has an image that the state tells of, unless it is on its way already.
@@ -145,11 +154,18 @@ function tick() {
   const picture = state.picture;
   const age = picture && picture.age + since();
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
-  const level = !picture || age < OLD ? 0 : age < VERY_OLD ? 1 : 2;
+  const levelOf = (age) => (age < OLD ? 0 : age < VERY_OLD ? 1 : 2);
+  const level = picture ? levelOf(age) : 0;
   byId("age-box").dataset.level = level;
-  showPose(level === 2 || !isConnected);
-  byId("stage").classList.toggle("old", level === 2 || !isConnected);
-  byId("silence").textContent = state.link.silence === null ? "–" : seconds(state.link.silence + since());
+  const isOld = level === 2 || !isConnected;
+  showPose(isOld);
+  // All that is drawn or counted is as old as the picture.
+  document.body.classList.toggle("old", isOld);
+  byId("stage").classList.toggle("old", isOld);
+  const silence = state.link.silence === null ? null : state.link.silence + since();
+  byId("silence").textContent = silence === null ? "–" : seconds(silence);
+  byId("silence-box").dataset.level = silence === null ? 0 : levelOf(silence);
+  byId("note").classList.toggle("faded", performance.now() - noted > NOTE * 1000);
   byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped;
   if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
   else if (state.stopped) byId("banner").textContent = `Nothing comes: ${state.stopped}`;
@@ -178,7 +194,7 @@ function showState() {
     item.textContent = text;
     return item;
   }));
-  if (state.note) byId("note").textContent = state.note;
+  if (state.note) note(state.note);
   const record = byId("record-button");
   record.setAttribute("aria-pressed", state.recorded !== null);
   record.lastChild.textContent = state.recorded === null ? "ecord" : `ec ${state.recorded}`;
@@ -190,6 +206,7 @@ function connect() {
     const next = JSON.parse(event.data);
     if (!next.link) return;
     if (next.run !== run) beginRun(next.run);
+    if (!isConnected) note("");
     [state, told, isConnected] = [next, performance.now(), true];
     if (!state.picture) forget("picture");
     if (!state.chase.number) forget("chase");
@@ -213,9 +230,9 @@ async function send(path, body) {
   const headers = { "content-type": "application/json" };
   try {
     const response = await fetch(address(path), { method: "POST", headers, body: JSON.stringify(body) });
-    if (!response.ok) byId("note").textContent = await response.text();
+    if (!response.ok) note(await response.text());
   } catch {
-    byId("note").textContent = "The console does not answer: nothing was done.";
+    note("The console does not answer: nothing was done.");
   }
 }
 
