@@ -35,17 +35,14 @@ impl FrameTime {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::sync::atomic::Ordering;
 
     use super::*;
-    use crate::tracking::Clock;
+    use crate::tracking::counted;
 
     #[test]
     fn what_follows_the_search_must_fit() {
-        let time = Arc::new(AtomicU64::new(0));
-        let told = time.clone();
-        let clock = Clock::new(move || Duration::from_millis(told.load(Ordering::Relaxed)));
+        let (clock, time) = counted();
         let [look, coarse, coding] = [50, 10, 20].map(|milliseconds| {
             let step = StepTime::new(&clock);
             let begun = step.now();

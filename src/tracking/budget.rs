@@ -130,7 +130,7 @@ impl Budget {
 
     /// Notes that a search did not arrive, or did not begin, in a room that time alone may have bounded.
     pub fn note_cut(&mut self, room: &Room) {
-        self.out_of_time |= room.time / COARSE < room.renders;
+        self.out_of_time |= self.time.is_some() && room.time / COARSE < room.renders;
     }
 
     /// When a step begins, if its time counts.
@@ -169,7 +169,7 @@ mod tests {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU64, Ordering};
 
-    use super::super::Clock;
+    use super::super::counted;
     use super::*;
 
     fn milliseconds(count: u64) -> Duration {
@@ -178,9 +178,8 @@ mod tests {
 
     /// Steps by a clock that the counter sets, milliseconds; it is at 100.
     fn steps() -> (SearchSteps, Arc<AtomicU64>) {
-        let time = Arc::new(AtomicU64::new(100));
-        let told = time.clone();
-        let clock = Clock::new(move || milliseconds(told.load(Ordering::Relaxed)));
+        let (clock, time) = counted();
+        time.store(100, Ordering::Relaxed);
         (SearchSteps { coarse: StepTime::new(&clock), look: StepTime::new(&clock) }, time)
     }
 

@@ -33,3 +33,12 @@ impl fmt::Debug for Clock {
         f.debug_tuple("Clock").field(&self.now()).finish()
     }
 }
+
+/// A clock for tests that goes by a counter, milliseconds.
+#[cfg(test)]
+pub(crate) fn counted() -> (Clock, Arc<std::sync::atomic::AtomicU64>) {
+    use std::sync::atomic::{AtomicU64, Ordering};
+    let time = Arc::new(AtomicU64::new(0));
+    let told = time.clone();
+    (Clock::new(move || Duration::from_millis(told.load(Ordering::Relaxed))), time)
+}

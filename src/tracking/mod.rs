@@ -32,6 +32,8 @@ mod tracker;
 pub use agreement::{Agreement, Comparison};
 pub(crate) use budget::{SearchSteps, TimeLimit};
 pub use clock::Clock;
+#[cfg(test)]
+pub(crate) use clock::counted;
 #[cfg(feature = "paper")]
 pub use descent::{AdamOptions, BfgsOptions};
 pub use frame_info::{Covariance, FrameInfo, Hint};

@@ -56,15 +56,14 @@ impl StepTime {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicU64, Ordering};
+    use std::sync::atomic::Ordering;
 
+    use super::super::counted;
     use super::*;
 
     #[test]
     fn the_longest_of_the_last_steps_counts() {
-        let time = Arc::new(AtomicU64::new(0));
-        let told = time.clone();
-        let clock = Clock::new(move || Duration::from_millis(told.load(Ordering::Relaxed)));
+        let (clock, time) = counted();
         let steps = StepTime::new(&clock);
         assert_eq!(steps.longest(), Duration::ZERO);
         let take = |milliseconds: u64, count: u32| {

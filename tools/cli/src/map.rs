@@ -345,7 +345,8 @@ impl Made<'_> {
         // The prior is there, and is worth more.
         if let Err(error) = file.and_then(|file| file.save_extras(&extras)) {
             eprintln!(
-                "warning: {error:#}; the prior does not say how far pictures and poses are off"
+                "warning: {error:#}; the prior does not say how far pictures and poses are off; \
+                 `nvsprior doubt` adds the former"
             );
         }
         Ok(())

@@ -88,8 +88,8 @@ pub struct MapInputs {
 }
 
 impl MapInputs {
-    /// Puts the pictures that are held out of a run among the others, where they were taken, so that they can be
-    /// trained on in the end. Returns their places.
+    /// Puts held-out pictures of the run back to their places among the others, to be trained on in the end. Returns
+    /// these places.
     pub fn whole_run(&mut self) -> Vec<usize> {
         let Some(every) = self.every else { return Vec::new() };
         let held_out = self.held_out.iter().filter(|held| held.split == HELD_OUT);
