@@ -331,6 +331,18 @@ impl RateControl {
         Ok(())
     }
 
+    /// So many frames per second come from here on: each may take its part of the rate.
+    ///
+    /// # Errors
+    /// If the frame rate is not positive and finite. The one before stays.
+    pub fn set_frame_rate(&mut self, frame_rate: f64) -> Result<(), ModemError> {
+        if !(frame_rate > 0.0 && frame_rate.is_finite()) {
+            return Err(ModemError::RateControl { field: "frame_rate", value: frame_rate });
+        }
+        self.options.frame_rate = frame_rate;
+        Ok(())
+    }
+
     /// The link's loss, as it was measured.
     ///
     /// # Errors
@@ -341,7 +353,7 @@ impl RateControl {
         Ok(())
     }
 
-    /// How it was made, with the rate and the loss as they are now.
+    /// How it was made, with rates and loss as they are now.
     pub fn options(&self) -> &RateControlOptions {
         &self.options
     }

@@ -556,6 +556,14 @@ impl Sender {
         self.way.control_mut().ok_or(ModemError::Unpaced)?.set_bit_rate(now, bit_rate)
     }
 
+    /// So many frames per second come from here on: see [`RateControl::set_frame_rate`].
+    ///
+    /// # Errors
+    /// If the frame rate is not positive and finite. The one before stays. If the sender was made without a bit rate.
+    pub fn set_frame_rate(&mut self, frame_rate: f64) -> Result<(), ModemError> {
+        self.way.control_mut().ok_or(ModemError::Unpaced)?.set_frame_rate(frame_rate)
+    }
+
     /// The link's loss, as it was measured: packets from here on are protected against it.
     ///
     /// # Errors

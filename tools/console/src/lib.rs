@@ -7,6 +7,7 @@
 pub mod channel;
 pub mod console;
 mod endpoint;
+mod journal;
 mod key_state;
 pub mod vehicle;
 

@@ -1,10 +1,13 @@
 //! `nvsprior vehicle`: frames to modem frames, as datagrams.
 
 mod frames;
+mod pace;
+mod reports;
 
 use std::net::{SocketAddr, UdpSocket};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
+use nvsprior::Picture;
 use nvsprior::keys::Keys;
 use nvsprior::modem::{
     Loss, ModemError, Protection, RateControlOptions, Report, Sender, SenderOptions,
@@ -21,8 +24,11 @@ use nvsprior_link::pilot::{PilotMessage, Region};
 use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
 
 use crate::endpoint;
+use crate::journal::{Journal, LogArgs, utc};
 use crate::key_state::{KeyState, Side};
-use frames::{Frame, Frames, Next, Size};
+use frames::{Frames, Next, Size};
+use pace::Pace;
+use reports::{FullPackets, Heard, Topside};
 
 /// Send frames to a topside: the vehicle's half of a working link
 ///
@@ -60,6 +66,8 @@ pub struct Args {
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-2, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
+    #[command(flatten)]
+    log: LogArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -135,6 +143,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mode = args.mode.mode(true)?;
     let frames = Frames::open(&args.input, args.raw, args.forth_and_back)?;
     let socket = endpoint::connect(args.to)?;
+    let journal = args.log.open("vehicle")?;
     let keyed = args.key.key.as_ref().zip(keys);
     let keyed = keyed.map(|(path, keys)| KeyState::open(path, Side::Vehicle, keys)).transpose()?;
     let (keys, key_state) = keyed.unzip();
@@ -152,10 +161,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         predict_poses: true,
     };
     let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options, keys.as_ref())?;
-    println!("vehicle: {} bit/s to {}", args.link.bit_rate, args.to);
     let mut dive = Dive {
         start: Instant::now(),
         vehicle,
+        journal,
+        key: args.key.to_string(),
+        topside: Topside::default(),
+        full: FullPackets::default(),
         key_state,
         socket,
         bit_rate: args.link.bit_rate,
@@ -166,11 +178,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         buffer: vec![0; endpoint::DATAGRAM],
         counts: Counts::default(),
     };
+    let prior = args.prior.prior.display();
+    let start = format!("{} bit/s to {}, with {prior} ({})", dive.bit_rate, args.to, scene.id());
+    dive.tell("start", &start);
     dive.go(frames, args.frame_rate)?;
     let Counts { frames, packets, uncertain, reports } = dive.counts;
-    println!(
-        "vehicle: {packets} of {frames} frames sent, {uncertain} not certain; {reports} reports came"
+    let end = format!(
+        "{packets} of {frames} frames sent, {uncertain} not certain; {reports} reports came"
     );
+    dive.tell("end", &end);
     args.device.check(&engine)
 }
 
@@ -179,8 +195,6 @@ const WAIT: f64 = 0.01;
 /// Datagrams that wait are taken after each frame: at most so many, and for so long. The rest waits for the next frame.
 const WAITING: usize = 4096;
 const TAKING: Duration = Duration::from_millis(50);
-/// If so many frames in a row take longer than the frame rate allows, the vehicle says so.
-const SLOW: usize = 8;
 
 #[derive(Default)]
 struct Counts {
@@ -193,6 +207,11 @@ struct Counts {
 struct Dive {
     start: Instant,
     vehicle: Vehicle,
+    journal: Journal,
+    /// What the user calls it.
+    key: String,
+    topside: Topside,
+    full: FullPackets,
     key_state: Option<KeyState>,
     socket: UdpSocket,
     bit_rate: f64,
@@ -211,19 +230,29 @@ impl Dive {
         self.start.elapsed().as_secs_f64()
     }
 
+    /// Tells what happens now.
+    fn tell(&mut self, event: &str, text: &str) {
+        self.journal.tell(utc(), event, text);
+    }
+
     fn go(&mut self, mut frames: Frames, frame_rate: f64) -> anyhow::Result<()> {
         let mut first = Some(frames.first());
-        let mut speed = Speed::default();
+        let (mut pace, mut is_slow) = (Pace::full(), false);
         loop {
             match frames.next(self.now(), frame_rate)? {
                 Next::Frame(frame) => {
                     self.work_until(frame.number as f64 / frame_rate)?;
-                    let begun = self.now();
-                    self.send(&frame, first.take().unwrap_or_default())?;
-                    if let Some(taken) = speed.slower(self.now() - begun, frame_rate) {
-                        println!(
-                            "vehicle: too slow for {frame_rate} frames per second, takes {taken:.1}"
+                    let number = pace.number(frame.number);
+                    self.send(number, &frame.picture, first.take().unwrap_or_default())?;
+                    let Some(part) = pace.take(frame.number) else { continue };
+                    let taken = frame_rate * part;
+                    // Each frame then has its part of the rate.
+                    self.vehicle.set_frame_rate(taken)?;
+                    if part < 1.0 && !std::mem::replace(&mut is_slow, true) {
+                        let text = format!(
+                            "too slow for {frame_rate} frames per second, takes {taken:.1}"
                         );
+                        self.tell("slow", &text);
                     }
                 }
                 Next::Wait => self.work_until(self.now() + WAIT)?,
@@ -236,14 +265,14 @@ impl Dive {
     }
 
     /// Sends a frame that is exposed now.
-    fn send(&mut self, frame: &Frame, info: FrameInfo) -> anyhow::Result<()> {
+    fn send(&mut self, number: usize, picture: &Picture, info: FrameInfo) -> anyhow::Result<()> {
         let exposed = self.now();
         let user = self.stamp(exposed);
         self.counts.frames += 1;
         let taken = CameraFrame {
-            number: frame.number,
+            number,
             exposed,
-            picture: &frame.picture,
+            picture,
             info: FrameInfo { time: Some(exposed), ..info },
             user: Some(&user),
         };
@@ -252,6 +281,8 @@ impl Dive {
         let Some(packet) = packet else { return Ok(()) };
         self.counts.packets += 1;
         self.counts.uncertain += usize::from(!packet.certain);
+        let seconds = packet.bytes.total() as f64 * 8.0 / self.bit_rate;
+        self.full.sent(self.now(), seconds);
         self.send_due();
         Ok(())
     }
@@ -260,10 +291,7 @@ impl Dive {
     fn stamp(&self, exposed: f64) -> [u8; EXPOSURE_LEN] {
         match self.clock.at(exposed) {
             Some(topside) => exposure::written(topside, ClockSource::Reports),
-            None => {
-                let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-                exposure::written(since.as_secs_f64(), ClockSource::Vehicle)
-            }
+            None => exposure::written(utc(), ClockSource::Vehicle),
         }
     }
 
@@ -283,16 +311,40 @@ impl Dive {
     fn take_datagram(&mut self, within: Option<Duration>) -> anyhow::Result<bool> {
         let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
         let Some((bytes, _)) = received else { return Ok(false) };
-        if let Ok((report, user)) = self.vehicle.read_report(bytes) {
-            let message = user.and_then(PilotMessage::read);
-            self.take_report(&report, message)?;
-        }
+        let Ok((report, user)) = self.vehicle.read_report(bytes) else {
+            let heard = self.topside.stranger();
+            self.tell_heard(heard);
+            return Ok(true);
+        };
+        let message = user.and_then(PilotMessage::read);
+        self.take_report(&report, message)?;
         Ok(true)
+    }
+
+    fn tell_heard(&mut self, heard: Option<Heard>) {
+        let Some(heard) = heard else { return };
+        let key = &self.key;
+        let (event, text) = match heard {
+            Heard::Came => ("topside", "the topside is heard".into()),
+            Heard::Away(seconds) => (
+                "silence",
+                format!("no report has come for {seconds:.0} s; frames are sent all the same"),
+            ),
+            Heard::Strangers(count) => (
+                "keys",
+                format!(
+                    "{count} datagrams came, and no report that can be read with {key}; give both sides the same"
+                ),
+            ),
+        };
+        self.tell(event, &text);
     }
 
     /// Sends what is due and takes reports, until a time.
     fn work_until(&mut self, time: f64) -> anyhow::Result<()> {
         self.take_waiting()?;
+        let heard = self.topside.silence(self.now());
+        self.tell_heard(heard);
         loop {
             self.send_due();
             let now = self.now();
@@ -343,64 +395,24 @@ impl Dive {
             return Ok(());
         }
         self.counts.reports += 1;
+        let heard = self.topside.report(now);
+        self.tell_heard(heard);
         let Some(PilotMessage { sent, announce, region }) = message else { return Ok(()) };
         self.clock.reported(now, sent);
-        let encoder = self.vehicle.encoder();
-        if announce {
-            encoder.announce();
+        if announce && self.full.ask(now) {
+            self.vehicle.encoder().announce();
+            self.tell("asked", "the topside asks for a full packet");
         }
         if region != self.region {
+            let encoder = self.vehicle.encoder();
             let size = (encoder.camera().width, encoder.camera().height);
             encoder.set_interest(region.map(|region| region.interest(size)).transpose()?);
             self.region = region;
-            println!(
-                "vehicle: {}",
-                if region.is_some() { "a region of interest" } else { "no region" }
+            self.tell(
+                "region",
+                if region.is_some() { "a region of interest" } else { "no region" },
             );
         }
         Ok(())
-    }
-}
-
-/// Tells once if frames take longer than their rate allows.
-#[derive(Default)]
-struct Speed {
-    slow: usize,
-    seconds: f64,
-    told: bool,
-}
-
-impl Speed {
-    /// Notes how long a frame took. Returns how many of them a second would have room for, if they are too slow.
-    fn slower(&mut self, seconds: f64, frame_rate: f64) -> Option<f64> {
-        if seconds * frame_rate <= 1.0 {
-            (self.slow, self.seconds) = (0, 0.0);
-            return None;
-        }
-        self.slow += 1;
-        self.seconds += seconds;
-        if self.told || self.slow < SLOW {
-            return None;
-        }
-        self.told = true;
-        Some(self.slow as f64 / self.seconds)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_vehicle_that_is_too_slow_says_so_once() {
-        let mut speed = Speed::default();
-        let mut frames = |seconds, count| -> Vec<f64> {
-            (0..count).filter_map(|_| speed.slower(seconds, 10.0)).collect()
-        };
-        assert!(frames(0.09, 20).is_empty());
-        assert!(frames(0.2, SLOW - 1).is_empty());
-        assert!(frames(0.09, 1).is_empty(), "in time again");
-        let told = frames(0.25, 3 * SLOW);
-        assert!(told.len() == 1 && (told[0] - 4.0).abs() < 1e-9, "{told:?}");
     }
 }

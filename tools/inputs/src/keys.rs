@@ -42,6 +42,16 @@ fn tag_bytes(text: &str) -> Result<usize, String> {
     }
 }
 
+/// Which key that is, for the user.
+impl std::fmt::Display for KeyArgs {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.key {
+            Some(file) => write!(f, "the key in {}, epoch {}", file.display(), self.epoch),
+            None => write!(f, "no key"),
+        }
+    }
+}
+
 impl KeyArgs {
     /// The keys, if there are any. Says so if others than the file's owner may read it.
     pub fn open(&self) -> anyhow::Result<Option<Keys>> {

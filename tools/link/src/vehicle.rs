@@ -209,6 +209,14 @@ impl Vehicle {
         self.sender.options().latency
     }
 
+    /// So many frames per second come from here on: see [`Sender::set_frame_rate`].
+    ///
+    /// # Errors
+    /// If the frame rate is not positive and finite.
+    pub fn set_frame_rate(&mut self, frame_rate: f64) -> Result<(), ModemError> {
+        self.sender.set_frame_rate(frame_rate)
+    }
+
     /// When the next share is due, seconds.
     pub fn due(&self) -> Option<f64> {
         self.sender.due()

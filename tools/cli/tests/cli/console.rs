@@ -7,17 +7,21 @@ mod video;
 use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel as queue};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
 use crate::dive::{Dive, pictures};
 
+/// How long a test waits for what must come.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 /// A program that runs until it is dropped.
 struct Running {
     child: Child,
-    lines: BufReader<ChildStdout>,
+    lines: Receiver<String>,
     input: Option<ChildStdin>,
 }
 
@@ -37,19 +41,21 @@ impl Running {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let lines = BufReader::new(child.stdout.take().unwrap());
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let (sender, lines) = queue();
+        std::thread::spawn(move || {
+            output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+        });
         let input = child.stdin.take();
         Running { child, lines, input }
     }
 
-    /// The next line that has a text in it.
+    /// The next line that has a text in it, within a minute.
     fn line_with(&mut self, text: &str) -> String {
+        let end = Instant::now() + PATIENCE;
         loop {
-            let mut line = String::new();
-            assert!(
-                self.lines.read_line(&mut line).unwrap() > 0,
-                "it ended, and did not say {text:?}"
-            );
+            let line = self.lines.recv_timeout(end.saturating_duration_since(Instant::now()));
+            let line = line.unwrap_or_else(|error| panic!("{text:?} was not said: {error}"));
             if line.contains(text) {
                 return line;
             }
@@ -95,7 +101,7 @@ impl Console {
         request.send_json(body).unwrap().status().as_u16()
     }
 
-    /// Waits for a state, for a minute.
+    /// Waits for a state.
     fn until(&self, what: &str, is_there: impl Fn(&Value) -> bool) -> Value {
         let start = Instant::now();
         loop {
@@ -103,7 +109,7 @@ impl Console {
             if is_there(&state) {
                 return state;
             }
-            assert!(start.elapsed() < Duration::from_secs(60), "{what} did not come: {state:#}");
+            assert!(start.elapsed() < PATIENCE, "{what} did not come: {state:#}");
             std::thread::sleep(Duration::from_millis(50));
         }
     }
@@ -190,6 +196,7 @@ fn a_channel_takes_its_time() {
 /// Carries datagrams between a vehicle and a topside, and with each one to the vehicle many that are none of its own.
 fn carry_with_strangers(topside: &str) -> String {
     let (carrier, at) = socket();
+    carrier.set_read_timeout(None).unwrap();
     let topside: std::net::SocketAddr = topside.parse().unwrap();
     std::thread::spawn(move || {
         let (mut vehicle, mut buffer) = (None, [0; 2048]);
@@ -211,10 +218,13 @@ fn a_vehicle_that_is_too_slow_hears_its_topside_among_strangers() {
     let dive = Dive::new();
     let console = Console::start(&dive, "--udp 127.0.0.1:0");
     let to = carry_with_strangers(&console.udp);
-    let fixed = "vehicle --prior prior.ply --cameras cameras.json --split dive --bit-rate 20000";
-    let mut vehicle =
-        Running::start(&dive, &format!("{fixed} --frame-rate 240 --to {to} --forth-and-back"));
-    vehicle.line_with("too slow for 240 frames per second, takes ");
+    // A search in pictures of nothing, as large as these, takes longer than 60 of them allow on any device of a test.
+    let rates = "--raw 480x270 --frame-rate 60 --bit-rate 100000";
+    let input = "--prior prior.ply --cameras cameras.json --split dive";
+    let mut vehicle = Running::start(&dive, &format!("vehicle {input} {rates} --to {to}"));
+    let mut frames = vehicle.input.take().unwrap();
+    std::thread::spawn(move || while frames.write_all(&[0; 480 * 270 * 3]).is_ok() {});
+    vehicle.line_with("too slow for 60 frames per second, takes ");
     console.until_picture(1);
     let parts = json!({ "parts": [0.25, 0.25, 0.75, 0.75] });
     assert_eq!(console.post("/region", &parts), 202);

@@ -1,6 +1,8 @@
 //! The topside's time: UTC that does not go back. Of a recording that is played, it is that of the dive.
 
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
+
+use crate::journal::utc;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
@@ -13,8 +15,7 @@ pub struct Clock {
 impl Clock {
     /// The system's UTC as it is now; later changes of the system's clock do not count.
     pub fn system() -> Clock {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        Clock { start: Instant::now(), utc: since.as_secs_f64(), speed: 1.0 }
+        Clock { start: Instant::now(), utc: utc(), speed: 1.0 }
     }
 
     /// Begins at a time of a recording, and goes so many times as fast.

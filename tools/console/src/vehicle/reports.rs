@@ -1,0 +1,100 @@
+//! What the vehicle makes of what comes back.
+
+/// Datagrams in a row that are no report of this vehicle's topside, after which something must be wrong.
+const STRANGERS: u64 = 20;
+/// Seconds after which a topside that was heard is away.
+const AWAY: f64 = 30.0;
+
+/// What changed.
+#[derive(Debug, PartialEq)]
+pub enum Heard {
+    Came,
+    /// For so many seconds.
+    Away(f64),
+    /// So many datagrams came, and no report.
+    Strangers(u64),
+}
+
+/// Knows whether the topside is heard.
+#[derive(Default)]
+pub struct Topside {
+    last: Option<f64>,
+    is_away: bool,
+    /// Datagrams since that were no report.
+    strangers: u64,
+}
+
+impl Topside {
+    pub fn report(&mut self, now: f64) -> Option<Heard> {
+        let is_new = self.last.is_none() || self.is_away;
+        *self = Topside { last: Some(now), is_away: false, strangers: 0 };
+        is_new.then_some(Heard::Came)
+    }
+
+    /// Something came that is no report.
+    pub fn stranger(&mut self) -> Option<Heard> {
+        self.strangers += 1;
+        (self.strangers == STRANGERS).then_some(Heard::Strangers(STRANGERS))
+    }
+
+    pub fn silence(&mut self, now: f64) -> Option<Heard> {
+        let silence = now - self.last?;
+        if self.is_away || silence < AWAY {
+            return None;
+        }
+        self.is_away = true;
+        Some(Heard::Away(silence))
+    }
+}
+
+/// Lets a topside that does not know what packets are about have a full one: at most one in the time that sending it
+/// twice takes. Without keys anybody may ask.
+#[derive(Default)]
+pub struct FullPackets {
+    is_due: bool,
+    until: f64,
+}
+
+impl FullPackets {
+    /// Whether one is to be sent.
+    pub fn ask(&mut self, now: f64) -> bool {
+        let is_taken = !self.is_due && now >= self.until;
+        self.is_due |= is_taken;
+        is_taken
+    }
+
+    /// A packet was sent, which takes a time on the link, seconds.
+    pub fn sent(&mut self, now: f64, seconds: f64) {
+        if std::mem::take(&mut self.is_due) {
+            self.until = now + 2.0 * seconds;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_changes_is_told_once() {
+        let mut topside = Topside::default();
+        assert_eq!(topside.silence(100.0), None, "it was never there");
+        let told: Vec<Heard> = (0..50).filter_map(|_| topside.stranger()).collect();
+        assert_eq!(told, [Heard::Strangers(20)]);
+        assert_eq!(topside.report(1.0), Some(Heard::Came));
+        assert_eq!((topside.report(2.0), topside.silence(31.0)), (None, None));
+        assert_eq!((topside.silence(33.0), topside.silence(34.0)), (Some(Heard::Away(31.0)), None));
+        assert_eq!(topside.report(35.0), Some(Heard::Came));
+    }
+
+    #[test]
+    fn who_asks_for_full_packets_again_and_again_gets_one_in_a_while() {
+        let (mut full, mut sent) = (FullPackets::default(), 0);
+        for tenth in 0..100 {
+            let now = 0.1 * f64::from(tenth);
+            sent += usize::from(full.ask(now));
+            full.sent(now, 1.0);
+        }
+        assert_eq!(sent, 5);
+    }
+}
