@@ -8,11 +8,13 @@ mod framed;
 mod input;
 mod keeper;
 mod link_log;
+mod missing;
 mod overlay;
 mod pictures;
 mod plan_view;
 mod projection;
 mod recording;
+mod resume;
 mod scene_views;
 mod serial;
 mod server;
@@ -32,10 +34,12 @@ use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 use nvsprior_inputs::keys::KeyArgs;
 
 use crate::endpoint;
+use crate::journal::LogArgs;
 use crate::key_state::{KeyState, Side};
 use event::EVENTS;
 use input::SourceArgs;
 use keeper::Keeper;
+use resume::Resume;
 use server::Server;
 use topside::{Topside, TopsideOptions};
 use video::VideoTarget;
@@ -71,6 +75,8 @@ pub struct Args {
     #[command(flatten)]
     key: KeyArgs,
     #[command(flatten)]
+    log: LogArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -105,6 +111,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let (held, state) = KeyState::open(path, Side::Topside, held)?;
         (keys, key_state) = (Some(held), Some(state));
     }
+    let journal = args.log.open("console")?;
     let server = Server::bind(args.listen)?;
     let video = args.rtp.map(VideoTarget::new).transpose()?;
     let prior = args.prior.open()?;
@@ -121,8 +128,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         clock: source.clock(),
         return_path: source.return_path()?,
         keeper: Keeper::new(args.keep.clone()),
+        // What is played is no dive that goes on.
+        resume: (!source.is_recording()).then(|| Resume::new(&args.keep)),
+        journal,
         video: video.map(|target| target.start(source.clock())).transpose()?,
         filter: args.filter.on(&engine),
+        key: args.key.key.as_ref().map(|_| args.key.to_string()),
         keys,
         key_state,
     };
@@ -130,8 +141,5 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     source.start(events.clone())?;
     let page = server.start(topside.plan_picture(), published, events)?;
     println!("console: {} on {}", topside.source(), page);
-    if args.filter.on(&engine) {
-        println!("pictures go through the display filter");
-    }
     topside.run(&came)
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 
-#[derive(clap::Args)]
+#[derive(clap::Args, Default)]
 pub struct LogArgs {
     /// Also append what happens to a file, a line of JSON for each event: time (UTC), side, event, text
     #[arg(long, value_name = "FILE")]
@@ -37,17 +37,24 @@ pub fn utc() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
 }
 
+fn written(time: f64) -> String {
+    let time = UNIX_EPOCH + Duration::try_from_secs_f64(time).unwrap_or_default();
+    humantime::format_rfc3339_millis(time).to_string()
+}
+
 impl Journal {
-    /// Tells what happened at a time, UTC, seconds. That it cannot be written does not end a dive.
+    /// Tells what happened at a time, UTC, seconds.
     pub fn tell(&mut self, time: f64, event: &str, text: &str) {
-        let time = UNIX_EPOCH + Duration::try_from_secs_f64(time).unwrap_or_default();
-        let time = humantime::format_rfc3339_millis(time);
-        let side = self.side;
         // Nobody may read it any more.
-        let _ = writeln!(std::io::stdout(), "{time} {side}: {text}");
+        let _ = writeln!(std::io::stdout(), "{} {}: {text}", written(time), self.side);
+        self.note(time, event, text);
+    }
+
+    /// Tells the file alone. That it cannot be written does not end a dive.
+    pub fn note(&mut self, time: f64, event: &str, text: &str) {
         let Some((path, file)) = &mut self.file else { return };
         let line = serde_json::json!({
-            "time": time.to_string(), "side": side, "event": event, "text": text
+            "time": written(time), "side": self.side, "event": event, "text": text
         });
         // What is left of a torn line ends, so that those after it can be read.
         let start = if self.is_torn { "\n" } else { "" };

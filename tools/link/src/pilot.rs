@@ -15,7 +15,7 @@ const REGION: u8 = 1;
 const ANNOUNCE: u8 = 2;
 
 /// A rectangle of the picture that gets more of the bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Region {
     /// Left, top, right and bottom, in 1/255 of the picture's sides.
     pub edges: [u8; 4],

@@ -79,7 +79,7 @@ impl Console {
     fn start(dive: &Dive, source: &str) -> Console {
         let args = format!("console --prior prior.ply --listen 127.0.0.1:0 --keep kept {source}");
         let mut running = Running::start(dive, &args);
-        let line = running.line_with("console: ");
+        let line = running.line_with(" on http");
         let page = behind(&line, " on ").trim_end_matches('/').to_owned();
         let udp =
             if line.contains("UDP ") { behind(&line, "UDP ").to_owned() } else { String::new() };
@@ -288,6 +288,74 @@ fn what_the_vehicle_sees_is_on_the_page() {
 }
 
 #[test]
+fn a_console_that_is_started_again_goes_on() {
+    let dive = Dive::new();
+    let first = Console::start(&dive, "--udp 127.0.0.1:0 --log console.jsonl");
+    let at = first.udp.clone();
+    let mut vehicle = vehicle(&dive, &at, "--forth-and-back --log vehicle.jsonl");
+    first.until("a stream", |state| state["picture"]["has_residual"] == true);
+    assert_eq!(first.post("/region", &json!({ "parts": [0.5, 0.25, 0.75, 0.5] })), 202);
+    assert_eq!(first.post("/record", &json!({ "on": true })), 202);
+    vehicle.line_with("a region of interest");
+    let before = first.until("a recording", |state| state["recorded"].as_u64() >= Some(3));
+    drop(first);
+    let again = Console::start(&dive, &format!("--udp {at} --log console.jsonl"));
+    let state = again.state();
+    assert_eq!(state["region"], before["region"]);
+    assert!(state["recorded"].is_u64(), "{state:#}");
+    again.until("a whole picture", |state| state["picture"]["has_residual"] == true);
+    drop(again);
+    // What was kept is gone: the vehicle tells once more what its packets are about.
+    std::fs::remove_file(dive.path("kept/console.resume")).unwrap();
+    let mut again = Console::start(&dive, &format!("--udp {at} --log console.jsonl"));
+    again.until("a whole picture", |state| state["picture"]["has_residual"] == true);
+    // Without the vehicle, it says what is missing, and what to do.
+    drop(vehicle);
+    let state = again.until("silence", |state| state["missing"]["cause"] == "no-bytes");
+    assert!(state["missing"]["advice"].as_str().unwrap().contains("whether the vehicle runs"));
+    again.running.line_with("Nothing comes, for 10 s.");
+    let events = |file: &str| -> Vec<String> {
+        let text = String::from_utf8(dive.bytes(file)).unwrap();
+        let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        lines.map(|line| line["event"].as_str().unwrap().to_owned()).collect()
+    };
+    let told = events("console.jsonl");
+    let wanted =
+        ["start", "vehicle", "region", "recording", "start", "restart", "vehicle", "no-bytes"];
+    assert!(wanted.iter().all(|event| told.iter().any(|told| told == event)), "{told:?}");
+    assert_eq!(told.iter().filter(|event| *event == "start").count(), 3);
+    assert!(events("vehicle.jsonl").contains(&"region".to_owned()));
+    // Another prior is another site: nothing of this one goes on.
+    drop(again);
+    crate::scene::write_prior(&dive.path("prior.ply"), &crate::scene::wall(2));
+    let other = Console::start(&dive, &format!("--udp {at}")).state();
+    assert_eq!((&other["region"], &other["recorded"]), (&Value::Null, &Value::Null));
+}
+
+#[test]
+fn another_prior_and_a_key_on_one_side_are_named() {
+    let dive = Dive::new();
+    crate::scene::write_prior(&dive.path("other.ply"), &crate::scene::wall(2));
+    dive.run("key --out own.key").ends_with(0);
+    let console = Console::start(&dive, "--udp 127.0.0.1:0");
+    let missing = |what: &'static str| {
+        console.until(what, move |state| {
+            state["missing"]["what"].as_str().is_some_and(|text| text.contains(what))
+        })
+    };
+    let keyed = vehicle(&dive, &console.udp, "--forth-and-back --key own.key");
+    missing("none of them readable; this side has no key");
+    drop(keyed);
+    let args = "vehicle --prior other.ply --cameras cameras.json --split dive --bit-rate 20000";
+    let to = &console.udp;
+    let _other =
+        Running::start(&dive, &format!("{args} --frame-rate 5 --to {to} --forth-and-back"));
+    let state = missing("not about prior.ply (");
+    assert_eq!(state["missing"]["cause"], "other-prior");
+    assert_eq!(state["picture"], Value::Null);
+}
+
+#[test]
 fn with_a_key_nothing_of_strangers_is_shown() {
     let dive = Dive::new();
     dive.run("key --out own.key").ends_with(0);
@@ -299,10 +367,12 @@ fn with_a_key_nothing_of_strangers_is_shown() {
     let state = console.until("strangers", |state| state["link"]["foreign"].as_u64() >= Some(20));
     assert_eq!((&state["picture"], &state["link"]["bytes"].is_u64()), (&Value::Null, &true));
     let told = |state: &Value| {
-        let warnings = state["warnings"].as_array().unwrap();
-        warnings.iter().any(|text| text.as_str().unwrap().contains("no key here has made them"))
+        let what = state["missing"]["what"].as_str().unwrap_or_default();
+        what.contains(
+            " modem frames came, none with a valid tag of the key in topside.key, epoch 2",
+        )
     };
-    console.until("a warning", told);
+    console.until("what is missing", told);
     // What the vehicle sends, from a socket that keeps it, to send it again. The console's own reports come there, too,
     // and go back to it: they are of strangers.
     let (tap, at) = socket();

@@ -10,6 +10,8 @@ use nvsprior::{Camera, Decoded, Decoder, Engine, Error, Trust};
 use nvsprior_link::exposure::{self, ClockSource};
 use nvsprior_link::pilot::PilotMessage;
 
+use super::missing::Refusal;
+
 /// Packets that are held.
 const PACKETS: usize = 64;
 /// Modem frames of a packet that there is room for.
@@ -67,7 +69,9 @@ pub struct Pictures {
     shown: Option<Shown>,
     newest_time: f64,
     lacks_camera: bool,
-    trouble: Option<String>,
+    /// Of no whole packet all could be shown yet: a stream may go on from frames that a run before has seen.
+    is_anew: bool,
+    refusal: Option<Refusal>,
     mtu: usize,
 }
 
@@ -104,7 +108,8 @@ impl Pictures {
             shown: None,
             newest_time: 0.0,
             lacks_camera: false,
-            trouble: None,
+            is_anew: true,
+            refusal: None,
             mtu,
         })
     }
@@ -127,14 +132,24 @@ impl Pictures {
         self.collector.seen()
     }
 
-    /// Packets come, and prior or camera that they are about are not known.
-    pub fn lacks_camera(&self) -> bool {
-        self.lacks_camera
+    /// Packets come, and what they are about, or predicted from, is not known: the vehicle must tell.
+    pub fn lacks_start(&self) -> bool {
+        self.lacks_camera || self.is_anew
     }
 
     /// Why packets that come are not shown.
-    pub fn trouble(&self) -> Option<&str> {
-        self.trouble.as_deref()
+    pub fn refusal(&self) -> Option<&Refusal> {
+        self.refusal.as_ref()
+    }
+
+    /// The vehicle's camera, if it is known.
+    pub fn camera(&self) -> Option<&Camera> {
+        self.decoder.camera()
+    }
+
+    /// The vehicle's camera, as it was before a restart.
+    pub fn add_camera(&mut self, camera: &Camera) -> Result<(), Error> {
+        self.decoder.add_camera(camera)
     }
 
     /// Takes a modem frame that came at a time, UTC.
@@ -168,7 +183,7 @@ impl Pictures {
     /// Decodes what has come. `true`: there is another picture to show.
     ///
     /// # Errors
-    /// If the device fails. Packets that cannot be decoded are no failure: [`Pictures::trouble`] tells.
+    /// If the device fails. Packets that cannot be decoded are no failure: [`Pictures::refusal`] tells.
     pub fn decode(&mut self) -> Result<bool, Error> {
         let grown = std::mem::take(&mut self.grown);
         let mut frames = std::mem::take(&mut self.waiting);
@@ -197,7 +212,8 @@ impl Pictures {
         if let Err(error) = decoded {
             return self.refuse(error);
         }
-        (self.lacks_camera, self.trouble) = (false, None);
+        (self.lacks_camera, self.refusal) = (false, None);
+        self.is_anew &= !packet.complete || self.ahead.damage.is_some();
         let frame = self.ahead.frame;
         self.is_stream |= self.ahead.kept || self.ahead.reference.is_some();
         if self.ahead.kept {
@@ -244,16 +260,12 @@ impl Pictures {
     }
 
     fn refuse(&mut self, error: Error) -> Result<bool, Error> {
-        match &error {
-            Error::Vulkan(_) => return Err(error),
-            Error::SessionUnknown { .. } | Error::Estranged { .. } => {
-                self.lacks_camera = true;
-                self.trouble = Some(
-                    "Packets come, but not yet what they are about. The vehicle is asked.".into(),
-                );
-            }
-            _ => self.trouble = Some(format!("A packet cannot be shown: {error}")),
+        if matches!(error, Error::Vulkan(_)) {
+            return Err(error);
         }
+        self.lacks_camera |=
+            matches!(error, Error::SessionUnknown { .. } | Error::Estranged { .. });
+        self.refusal = Some(Refusal::from(&error));
         Ok(false)
     }
 

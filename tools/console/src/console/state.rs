@@ -3,6 +3,7 @@
 use nvsprior_link::exposure::ClockSource;
 use serde::Serialize;
 
+use super::missing::Missing;
 use super::overlay::Overlay;
 use super::projection::Pixel;
 
@@ -31,6 +32,8 @@ pub struct State {
     pub region: Option<[f64; 4]>,
     /// Modem frames of the recording that runs.
     pub recorded: Option<u64>,
+    /// What is missing for a picture.
+    pub missing: Option<Missing>,
     /// What the last command came to.
     pub note: Option<String>,
     pub warnings: Vec<String>,

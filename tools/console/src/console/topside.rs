@@ -17,11 +17,14 @@ use super::event::{Arrived, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
+use super::missing::{Missing, Side, Watch};
 use super::overlay::{MemoryView, Overlay};
 use super::pictures::{Pictures, Shown, Worth};
+use super::resume::{Kept, Resume};
 use super::scene_views::SceneViews;
 use super::state::{LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
+use crate::journal::Journal;
 use crate::key_state::KeyState;
 
 pub struct TopsideOptions {
@@ -32,9 +35,14 @@ pub struct TopsideOptions {
     pub clock: Clock,
     pub return_path: ReturnPath,
     pub keeper: Keeper,
+    /// `None`: this is no dive that goes on.
+    pub resume: Option<Resume>,
+    pub journal: Journal,
     pub video: Option<Video>,
     /// Pictures go through the display filter.
     pub filter: bool,
+    /// Which key this side has, for the pilot.
+    pub key: Option<String>,
     /// Those of the vehicle's modem frames.
     pub keys: Option<Keys>,
     /// Keeps which of them came.
@@ -63,8 +71,6 @@ const REPORT_EVERY: f64 = 1.0;
 const PATIENCE: f64 = 60.0;
 /// Seconds of not being certain after which the vehicle is called lost.
 const SEARCHING: f64 = 3.0;
-/// Modem frames without the right tag, and none with it, after which something must be wrong.
-const STRANGERS: u64 = 20;
 /// The page is told at least so often.
 const TICK: Duration = Duration::from_millis(250);
 /// Events that are dealt with before the page is told.
@@ -74,7 +80,7 @@ const AT_ONCE: usize = 256;
 pub struct Topside {
     /// See [`State::run`].
     run: String,
-    prior: PriorState,
+    side: Side,
     options: TopsideOptions,
     pictures: Pictures,
     views: SceneViews,
@@ -84,6 +90,9 @@ pub struct Topside {
     /// Who sent the last modem frame that checks vouch for, and when it came.
     peer: Option<SocketAddr>,
     last_proven: Option<f64>,
+    watch: Watch,
+    /// The cause that was told last.
+    missing: Option<&'static str>,
     stopped: Option<String>,
     counts: Counts,
     uncertain_since: Option<f64>,
@@ -116,7 +125,11 @@ impl Topside {
         let identity = scene.id().to_string();
         let mut topside = Topside {
             run: format!("{:x}", started.as_nanos()),
-            prior: PriorState { file: options.prior_file.clone(), identity },
+            side: Side {
+                prior: PriorState { file: options.prior_file.clone(), identity },
+                key: options.key.clone(),
+                has_return_path: options.return_path.is_some(),
+            },
             pictures: Pictures::new(
                 engine,
                 &scene,
@@ -130,6 +143,8 @@ impl Topside {
             log: LinkLog::default(),
             peer: None,
             last_proven: None,
+            watch: Watch::new(options.clock.now()),
+            missing: None,
             stopped: None,
             counts: Counts::default(),
             uncertain_since: None,
@@ -141,8 +156,43 @@ impl Topside {
             published: Published::none(),
             options,
         };
+        topside.begin()?;
         topside.publish()?;
         Ok((topside, receiver))
+    }
+
+    /// Goes on where a console was that ended in this dive.
+    fn begin(&mut self) -> anyhow::Result<()> {
+        let PriorState { file, identity } = &self.side.prior;
+        let start = format!("{}, with {file} ({identity})", self.options.source);
+        let now = self.now();
+        self.options.journal.note(now, "start", &start);
+        let resume = self.options.resume.as_ref();
+        let kept = resume.and_then(|resume| resume.read(now, identity, self.side.key.as_deref()));
+        let Some(Kept { camera, region, is_recording, .. }) = kept else { return Ok(()) };
+        if let Some(camera) = &camera {
+            self.pictures.add_camera(camera)?;
+        }
+        self.region = region;
+        let mut text = "the console was started again and goes on".to_owned();
+        if region.is_some() {
+            text += ", with the region of interest";
+        }
+        if is_recording {
+            text += &match self.options.keeper.record(now, true) {
+                Ok(path) => format!(", recording to {}", path.unwrap_or_default().display()),
+                Err(error) => format!("; the recording has ended: {error}"),
+            };
+        }
+        self.tell("restart", text);
+        Ok(())
+    }
+
+    /// Tells the pilot, the terminal and the log what happens now.
+    fn tell(&mut self, event: &str, text: String) {
+        let now = self.now();
+        self.options.journal.tell(now, event, &text);
+        self.note = Some(text);
     }
 
     pub fn source(&self) -> &str {
@@ -178,6 +228,7 @@ impl Topside {
     /// Decodes what came and shows it, and tells the vehicle. `is_due`: the page is told even if nothing is new.
     fn show(&mut self, is_due: bool) -> anyhow::Result<()> {
         self.keep_numbers();
+        self.keep_for_restart();
         let is_new = self.pictures.decode()?;
         if is_new {
             self.take_picture()?;
@@ -194,9 +245,26 @@ impl Topside {
         let (state, next) = (self.options.key_state.as_mut(), self.pictures.next_number());
         let Some((state, next)) = state.zip(next) else { return };
         if let Err(error) = state.keep(next, self.pictures.seen()) {
-            self.note =
-                Some(format!("before a start again, give both sides the next --epoch: {error}"));
             self.options.key_state = None;
+            let text = format!("before a start again, give both sides the next --epoch: {error}");
+            self.tell("disk", text);
+        }
+    }
+
+    /// Keeps what another run of the console goes on with.
+    fn keep_for_restart(&mut self) {
+        let (resume, heard) = (self.options.resume.as_mut(), self.last_proven);
+        let Some((resume, time)) = resume.zip(heard) else { return };
+        let kept = Kept {
+            time,
+            prior: self.side.prior.identity.clone(),
+            key: self.side.key.clone(),
+            camera: self.pictures.camera().copied(),
+            region: self.region,
+            is_recording: self.options.keeper.recorded().is_some(),
+        };
+        if let Err(error) = resume.keep(kept) {
+            self.tell("disk", format!("{error:#}"));
         }
     }
 
@@ -207,11 +275,22 @@ impl Topside {
     fn take(&mut self, event: Event) {
         match event {
             Event::Arrived(arrived) => self.take_frame(&arrived),
-            Event::Stopped(why) => self.stopped = Some(why),
-            Event::Resumed => self.stopped = None,
+            Event::Stopped(why) => {
+                self.options.journal.tell(self.options.clock.now(), "source", &why);
+                self.stopped = Some(why);
+            }
+            Event::Resumed => {
+                self.options.journal.tell(self.options.clock.now(), "source", "it is there again");
+                self.stopped = None;
+            }
             Event::Command(command) => {
                 let note = self.obey(command);
-                self.note = Some(note.unwrap_or_else(|error| format!("failed: {error}")));
+                let event = match command {
+                    Command::Region(_) => "region",
+                    Command::Record(_) => "recording",
+                    Command::Snapshot => "snapshot",
+                };
+                self.tell(event, note.unwrap_or_else(|error| format!("failed: {error}")));
             }
         }
     }
@@ -223,12 +302,20 @@ impl Topside {
         self.counts.frames += 1;
         self.log.came(*time, bytes.len());
         if let Err(error) = self.options.keeper.keep(*time, bytes) {
-            self.note = Some(format!("the recording has ended: {error}"));
+            self.tell("disk", format!("the recording has ended: {error}"));
         }
-        match worth {
-            Worth::Garbage => self.counts.garbage += 1,
-            Worth::Unproven => {}
-            Worth::Proven => (self.peer, self.last_proven) = (*from, Some(*time)),
+        let is_proven = match worth {
+            Worth::Garbage => Some(false),
+            Worth::Unproven => None,
+            Worth::Proven => Some(true),
+        };
+        self.watch.came(*time, is_proven);
+        self.counts.garbage += u64::from(worth == Worth::Garbage);
+        if worth == Worth::Proven {
+            if self.last_proven.is_none() {
+                self.options.journal.tell(*time, "vehicle", "the vehicle is heard");
+            }
+            (self.peer, self.last_proven) = (*from, Some(*time));
         }
     }
 
@@ -269,6 +356,7 @@ impl Topside {
         let Some(shown) = self.pictures.shown() else { return Ok(()) };
         let now = self.options.clock.now();
         self.log.shown(now);
+        self.watch.shown(now);
         match shown.decoded.uncertain {
             true => _ = self.uncertain_since.get_or_insert(now),
             false => self.uncertain_since = None,
@@ -294,7 +382,7 @@ impl Topside {
         }
         let message = PilotMessage {
             sent: exposure::stamp(now),
-            announce: self.pictures.lacks_camera(),
+            announce: self.pictures.lacks_start(),
             region: self.region,
         };
         let Some(report) = self.pictures.report(&message) else { return };
@@ -307,9 +395,10 @@ impl Topside {
         let now = self.now();
         self.log.count(now, self.pictures.statistics());
         if let Err(error) = self.options.keeper.flush() {
-            self.note = Some(format!("the recording has ended: {error}"));
+            self.tell("disk", format!("the recording has ended: {error}"));
         }
-        let state = self.state(now);
+        let missing = self.missing(now);
+        let state = self.state(now, missing);
         if let Some((video, shown)) = self.options.video.as_ref().zip(self.pictures.shown()) {
             video.show(shown, state.overlay.clone(), state.pose);
         }
@@ -319,13 +408,28 @@ impl Topside {
         Ok(())
     }
 
-    fn state(&self, now: f64) -> State {
+    /// What is missing for a picture. Terminal and log are told if it is another than before.
+    fn missing(&mut self, now: f64) -> Option<Missing> {
+        let missing = self.watch.missing(now, self.pictures.refusal(), &self.side);
+        let cause = missing.as_ref().map(|missing| missing.cause);
+        if cause != std::mem::replace(&mut self.missing, cause) {
+            let text = missing.as_ref().map(|missing| {
+                let Missing { what, seconds, advice, .. } = missing;
+                format!("{what}, for {seconds:.0} s. {advice}")
+            });
+            let text = text.unwrap_or("pictures come again".into());
+            self.options.journal.tell(now, cause.unwrap_or("pictures"), &text);
+        }
+        missing
+    }
+
+    fn state(&self, now: f64, missing: Option<Missing>) -> State {
         let shown = self.pictures.shown();
         let uncertain_for = self.uncertain_since.map_or(0.0, |since| now - since);
         let views = self.views.state(now, shown);
         State {
             run: self.run.clone(),
-            prior: self.prior.clone(),
+            prior: self.side.prior.clone(),
             now,
             speed: self.options.clock.speed(),
             source: self.options.source.clone(),
@@ -344,6 +448,7 @@ impl Topside {
             path: views.path,
             region: self.region.map(|region| region.edges.map(|edge| f64::from(edge) / 255.0)),
             recorded: self.options.keeper.recorded(),
+            missing,
             note: self.note.clone(),
             warnings: self.warnings(shown),
             overlay: self.overlay.clone(),
@@ -387,13 +492,6 @@ impl Topside {
                 warnings.push(format!("Not all of the picture came: {damage}"));
             }
         }
-        let statistics = self.pictures.statistics();
-        if statistics.accepted == 0 && statistics.foreign >= STRANGERS {
-            warnings.push(
-                "Modem frames come, but no key here has made them: key, epoch and tag must be the vehicle's.".into(),
-            );
-        }
-        warnings.extend(self.pictures.trouble().map(str::to_owned));
         warnings.extend(self.options.video.as_ref().and_then(Video::trouble));
         warnings
     }

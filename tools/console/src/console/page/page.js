@@ -166,10 +166,13 @@ function tick() {
   byId("silence").textContent = silence === null ? "–" : seconds(silence);
   byId("silence-box").dataset.level = silence === null ? 0 : levelOf(silence);
   byId("note").classList.toggle("faded", performance.now() - noted > NOTE * 1000);
-  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped;
+  byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped && !state.missing;
   if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
   else if (state.stopped) byId("banner").textContent = `Nothing comes: ${state.stopped}`;
-  else if (level === 2) byId("banner").textContent = `This picture is ${seconds(age)} old`;
+  else if (state.missing) {
+    const { what, seconds: lasting, advice } = state.missing;
+    byId("banner").textContent = `${what}, for ${seconds(lasting + since())}. ${advice}`;
+  } else if (level === 2) byId("banner").textContent = `This picture is ${seconds(age)} old`;
   else byId("banner").textContent = `Lost for ${seconds(state.uncertain_for + since())}: the place shown may be wrong`;
 }
 

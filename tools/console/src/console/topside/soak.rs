@@ -14,6 +14,7 @@ use super::*;
 use crate::console::event::EVENTS;
 use crate::console::pictures::tests::{FRAME_RATE, MTU, options};
 use crate::console::server::Server;
+use crate::journal::LogArgs;
 use crate::scene::{CAMERA, clean_frame, pose, wall};
 
 const HOURS: usize = 8;
@@ -107,6 +108,9 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         keeper: Keeper::new(folder.path().into()),
         video: None,
         filter: true,
+        resume: None,
+        journal: LogArgs::default().open("console").unwrap(),
+        key: None,
         keys: None,
         key_state: None,
     };
