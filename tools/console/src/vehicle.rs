@@ -16,6 +16,7 @@ use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_link::age_limit;
 use nvsprior_link::exposure::{self, ClockSource, EXPOSURE_LEN, TopsideClock};
 use nvsprior_link::pilot::{PilotMessage, Region};
 use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
@@ -160,6 +161,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         socket,
         bit_rate: args.link.bit_rate,
         overhead: args.link.overhead,
+        limit: age_limit::byte(&sender.control),
         clock: TopsideClock::default(),
         region: None,
         free: 0.0,
@@ -197,6 +199,8 @@ struct Dive {
     socket: UdpSocket,
     bit_rate: f64,
     overhead: usize,
+    /// Of the age of pictures, as packets tell it.
+    limit: u8,
     clock: TopsideClock,
     region: Option<Region>,
     /// When the link has sent what it was given, seconds since the start.
@@ -259,10 +263,10 @@ impl Dive {
     /// When a frame was exposed, as its packet tells it.
     fn stamp(&self, exposed: f64) -> [u8; EXPOSURE_LEN] {
         match self.clock.at(exposed) {
-            Some(topside) => exposure::written(topside, ClockSource::Reports),
+            Some(topside) => exposure::written(topside, ClockSource::Reports, self.limit),
             None => {
                 let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-                exposure::written(since.as_secs_f64(), ClockSource::Vehicle)
+                exposure::written(since.as_secs_f64(), ClockSource::Vehicle, self.limit)
             }
         }
     }

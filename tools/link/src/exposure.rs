@@ -1,4 +1,4 @@
-//! When a frame was exposed, by the topside's clock: two user bytes that travel with its packet.
+//! When a frame was exposed, by the topside's clock: user bytes that travel with its packet.
 //!
 //! A topside that knows only when packets came cannot tell how old a picture is: a delay that all of them have does not
 //! show. So the vehicle tells the time of exposure. Its own clock may be wrong. Each report tells the topside's time as
@@ -9,11 +9,14 @@
 //! |---|---|
 //! | 0–14 | time in steps of 20 ms, modulo 655.36 s |
 //! | 15 | whether it is counted from a report; else it is the vehicle's own UTC |
+//! | 16–23 | from which age on a picture is old: [`age_limit`]; older recordings lack it |
 
 use std::collections::VecDeque;
 
+use crate::age_limit;
+
 /// Bytes that travel with each packet.
-pub const EXPOSURE_LEN: usize = 2;
+pub const EXPOSURE_LEN: usize = 3;
 const STEP: f64 = 0.02;
 const STEPS: u16 = 1 << 15;
 /// Seconds after which stamps begin anew.
@@ -37,21 +40,28 @@ pub fn stamp(seconds: f64) -> u16 {
     (seconds.rem_euclid(PERIOD) / STEP) as u16 % STEPS
 }
 
-/// A time as it travels.
-pub fn written(seconds: f64, source: ClockSource) -> [u8; EXPOSURE_LEN] {
+/// A time as it travels, with the byte of [`age_limit`].
+pub fn written(seconds: f64, source: ClockSource, limit: u8) -> [u8; EXPOSURE_LEN] {
     let mark = if source == ClockSource::Reports { STEPS } else { 0 };
-    (stamp(seconds) | mark).to_le_bytes()
+    let [low, high] = (stamp(seconds) | mark).to_le_bytes();
+    [low, high, limit]
 }
 
 /// How old a frame is at `now`, the topside's UTC in seconds, by the user bytes of its packet. `None`: they tell no
 /// time, or one that cannot be, as the vehicle's clock is wrong.
 pub fn age(user: &[u8], now: f64) -> Option<(f64, ClockSource)> {
-    let word = u16::from_le_bytes(user.try_into().ok()?);
+    let (&[low, high] | &[low, high, _]) = user else { return None };
+    let word = u16::from_le_bytes([low, high]);
     let source = if word >= STEPS { ClockSource::Reports } else { ClockSource::Vehicle };
     let age = (now - f64::from(word % STEPS) * STEP).rem_euclid(PERIOD);
     // A stamp is cut to its step.
     let age = if age > PERIOD - 2.0 * STEP { 0.0 } else { age };
     (age <= OLDEST).then_some((age, source))
+}
+
+/// From which age on a picture is old, by the user bytes of its packet; seconds.
+pub fn limit(user: &[u8]) -> f64 {
+    age_limit::seconds(user.get(2).copied().unwrap_or_default())
 }
 
 /// The topside's clock, as the vehicle knows it.
@@ -85,7 +95,7 @@ mod tests {
     use super::*;
 
     fn of(exposed: f64, now: f64) -> Option<f64> {
-        age(&written(exposed, ClockSource::Vehicle), now).map(|(age, _)| age)
+        age(&written(exposed, ClockSource::Vehicle, 0), now).map(|(age, _)| age)
     }
 
     #[test]
@@ -98,9 +108,11 @@ mod tests {
         }
         assert_eq!(of(10.0, 10.0 - 1e-3), Some(0.0), "a stamp of now is not of the past period");
         assert_eq!(of(60.0, 30.0), None, "a vehicle's clock that is ahead is not believed");
-        assert_eq!(age(&[1, 2, 3], 0.0), None);
-        let (_, source) = age(&written(1.0, ClockSource::Reports), 2.0).unwrap();
-        assert_eq!(source, ClockSource::Reports);
+        assert_eq!((age(&[1], 0.0), age(&[1, 2, 3, 4], 0.0)), (None, None));
+        let bytes = written(1.0, ClockSource::Reports, 51);
+        assert_eq!(age(&bytes, 2.0), age(&bytes[..2], 2.0), "as an older recording has it");
+        assert_eq!(age(&bytes, 2.0).unwrap().1, ClockSource::Reports);
+        assert_eq!((limit(&bytes), limit(&bytes[..2])), (6.375, age_limit::UNTOLD));
     }
 
     /// The vehicle's clock is off by an hour. Reports take 0.4 s and more.
@@ -114,7 +126,7 @@ mod tests {
         }
         let (exposed, now) = (650.0, 657.0);
         let told = clock.at(vehicle(exposed)).unwrap();
-        let (age, _) = age(&written(told, ClockSource::Reports), now).unwrap();
+        let (age, _) = age(&written(told, ClockSource::Reports, 0), now).unwrap();
         assert!((7.0..=7.0 + 0.4 + 2.0 * STEP).contains(&age), "{age}");
         for sent in 0..REPORTS {
             clock.reported(vehicle(sent as f64 + 1.0), stamp(sent as f64));

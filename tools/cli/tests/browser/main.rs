@@ -17,6 +17,7 @@ fn the_page_follows_a_dive() {
     let page = Page::open(&desk.page);
     pictures_come_and_change(&page);
     the_page_tells_how_fast_it_is(&page, &desk);
+    each_thing_fades_by_its_own_age(&page);
     a_region_is_marked_by_dragging(&page, &mut desk);
     keys_do_what_the_page_says(&page);
     the_overlay_has_patterns(&page);
@@ -61,6 +62,34 @@ fn the_page_tells_how_fast_it_is(page: &Page, desk: &Desk) {
         page.text("pictures")
     );
     assert!(median < 2000.0, "{median} ms");
+}
+
+/// The limits are those of the link that the desk's vehicle is told. 2 · (2 s + 1/3 s + 0.5 s + 64 bytes at 8 kbit/s).
+fn each_thing_fades_by_its_own_age(page: &Page) {
+    assert_eq!(page.value("state.picture.limits.join()"), "5.875,14.6875");
+    // No state comes in between: what is set stands while one script runs.
+    let levels = |set: &str| {
+        page.value(&format!(
+            "(() => {{
+                const before = structuredClone(state);
+                state.picture.age = state.chase.age = state.link.silence = 0;
+                {set};
+                tick();
+                const of = (id) => byId(id).closest('[data-age]').dataset.level;
+                const found = ['age', 'pose', 'picture', 'plan', 'chase', 'silence', 'loss', 'bytes-plot'].map(of);
+                const said = [byId('loss').textContent, byId('position').textContent, byId('pose-name').textContent];
+                state = before;
+                tick();
+                return `${{found.join('')}} ${{said.filter((text) => text === '–' || text.startsWith('was')).length}}`;
+            }})()"
+        ))
+    };
+    assert_eq!(levels(""), "00000000 0");
+    assert_eq!(levels("state.picture.age = 5.9"), "11110000 0");
+    assert_eq!(levels("state.picture.age = 14.7"), "22220000 2");
+    assert_eq!(levels("state.chase.age = 14.7"), "00002000 0");
+    assert_eq!(levels("state.link.silence = 5.9"), "00000111 0");
+    assert_eq!(levels("state.link.silence = 14.7"), "00000222 1");
 }
 
 fn a_region_is_marked_by_dragging(page: &Page, desk: &mut Desk) {

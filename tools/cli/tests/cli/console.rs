@@ -250,6 +250,8 @@ fn what_the_vehicle_sees_is_on_the_page() {
     let state = console.until("a residual", |state| state["picture"]["has_residual"] == true);
     assert_eq!(state["pose"], "certain");
     assert_eq!(state["link"]["garbage"], 0);
+    // 2 · (2 s + 1/5 s + 0.5 s + 64 bytes at 20 kbit/s), in steps of 1/8 s: of what the vehicle is told of its link.
+    assert_eq!(state["picture"]["limits"], json!([5.5, 13.75]));
     assert!(state["plan"]["vehicle"].is_array() && state["chase"]["number"].as_u64() > Some(0));
     let shown = image::load_from_memory(&console.get("/picture.png")).unwrap().to_rgb8();
     let shown =

@@ -67,6 +67,8 @@ pub struct PictureState {
     pub height: u32,
     /// How old it is.
     pub age: f64,
+    /// From which ages on it is old, and very old.
+    pub limits: [f64; 2],
     /// By whose clock; `None`: since its packet came, so it is older than that.
     pub clock: Option<&'static str>,
     /// When the modem frame came that it was drawn after, UTC.
@@ -131,6 +133,8 @@ pub struct PlanState {
 pub struct ChaseState {
     /// Counts its pictures.
     pub number: u64,
+    /// How old the pose is that it was drawn for.
+    pub age: Option<f64>,
     pub vehicle: Vec<Vec<Pixel>>,
     pub track: Vec<Vec<Pixel>>,
     pub predicted: Vec<Vec<Pixel>>,

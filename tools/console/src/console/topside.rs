@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::Context;
 use nvsprior::keys::Keys;
 use nvsprior::{Engine, Picture, Prior};
+use nvsprior_link::age_limit::VERY_OLD;
 use nvsprior_link::exposure;
 use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
@@ -407,6 +408,7 @@ fn picture_state(shown: &Shown, now: f64) -> PictureState {
         width: picture.width,
         height: picture.height,
         age: (now - shown.exposed).max(0.0),
+        limits: [shown.old, shown.old * VERY_OLD],
         clock: shown.clock.map(clock_name),
         arrived: shown.arrived,
         shares: [Some(shown.shares.0), shown.shares.1],

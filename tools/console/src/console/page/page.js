@@ -1,7 +1,7 @@
 "use strict";
 // The state that the console tells, on the screen.
 
-const OLD = 4, VERY_OLD = 10; // Seconds from which on the age of the picture is marked.
+const LIMITS = [4, 10]; // Seconds from which on an age is old, and very old, until a picture tells those of its link.
 const NOTE = 20; // Seconds after which a note fades.
 const SLOTS = 120; // Seconds of the plots.
 const SIGNS = { waiting: "○", certain: "●", searching: "◐", lost: "✕" };
@@ -148,23 +148,35 @@ function position(known) {
 
 const seconds = (value) => (value < 99.95 ? `${value.toFixed(1)} s` : `${Math.round(value)} s`);
 
+// The one rule by which what is shown fades: 1, old; 2, very old, or nobody tells any more. `null`: nothing is shown.
+function levelOf(age) {
+  if (age === null) return 0;
+  const [old, veryOld] = state.picture ? state.picture.limits : LIMITS;
+  return !isConnected || age >= veryOld ? 2 : age >= old ? 1 : 0;
+}
+
+// What the link did of late. Of long ago, it says nothing of now.
+function showLink(isOld) {
+  const { bit_rate: rate, loss, pictures_per_second: pictures, frames } = state.link;
+  byId("rate").textContent = frames === 0 || (isOld && (rate === 0 || !isConnected)) ? "–" : Math.round(rate);
+  byId("loss").textContent = isOld || loss === null ? "–" : `${Math.round(loss * 100)} %`;
+  byId("pictures").textContent = isOld || !state.picture ? "–" : pictures.toFixed(1);
+}
+
 // What goes on between two states: ages.
 function tick() {
   if (!state) return;
   const picture = state.picture;
   const age = picture && picture.age + since();
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
-  const levelOf = (age) => (age < OLD ? 0 : age < VERY_OLD ? 1 : 2);
-  const level = picture ? levelOf(age) : 0;
-  byId("age-box").dataset.level = level;
-  const isOld = level === 2 || !isConnected;
-  showPose(isOld);
-  // All that is drawn or counted is as old as the picture.
-  document.body.classList.toggle("old", isOld);
-  byId("stage").classList.toggle("old", isOld);
   const silence = state.link.silence === null ? null : state.link.silence + since();
   byId("silence").textContent = silence === null ? "–" : seconds(silence);
-  byId("silence-box").dataset.level = silence === null ? 0 : levelOf(silence);
+  const chase = state.chase.age === null ? null : state.chase.age + since();
+  const levels = { picture: levelOf(age), chase: levelOf(chase), link: levelOf(silence) };
+  for (const shown of document.querySelectorAll("[data-age]")) shown.dataset.level = levels[shown.dataset.age];
+  const level = levels.picture;
+  showPose(level === 2);
+  showLink(levels.link === 2);
   byId("note").classList.toggle("faded", performance.now() - noted > NOTE * 1000);
   byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped;
   if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
@@ -178,9 +190,6 @@ function showState() {
   byId("prior").textContent = `· ${prior.file} · ${prior.identity}`;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
   byId("age-label").textContent = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
-  byId("rate").textContent = Math.round(link.bit_rate);
-  byId("loss").textContent = link.loss === null ? "–" : `${Math.round(link.loss * 100)} %`;
-  byId("pictures").textContent = link.pictures_per_second.toFixed(1);
   byId("about").textContent = picture
     ? `frame ${picture.frame} · ${picture.shares[0]} of ${picture.shares[1] ?? "?"} modem frames · ${picture.bytes} bytes` +
       (picture.has_residual ? "" : " · the prior alone, nothing seen by the camera")

@@ -76,7 +76,7 @@ impl Link {
         let exposed = number as f64 / FRAME_RATE;
         let frame = &self.frames[forth_and_back(number, FRAMES)];
         let hint = (number == 0).then(|| Hint::of(frame.pose));
-        let user = exposure::written(exposed, ClockSource::Reports);
+        let user = exposure::written(exposed, ClockSource::Reports, 51);
         let taken = CameraFrame {
             number,
             exposed,
@@ -107,6 +107,7 @@ impl Link {
             return;
         }
         assert!(shown.decoded.picture == *expected, "frame {number}");
+        assert_eq!(shown.old, 6.375);
         self.whole += 1;
     }
 

@@ -39,7 +39,7 @@ fn recording(engine: &Engine, prior: &Prior) -> Vec<Recorded> {
     let (mut recorded, mut sent) = (Vec::new(), 0);
     for number in 0..(SECONDS * FRAME_RATE) as usize {
         let exposed = number as f64 / FRAME_RATE;
-        let user = exposure::written(START + exposed, ClockSource::Reports);
+        let user = exposure::written(START + exposed, ClockSource::Reports, 0);
         let frame = CameraFrame {
             number,
             exposed,
