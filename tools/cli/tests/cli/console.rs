@@ -90,9 +90,7 @@ impl Console {
     }
 
     fn post(&self, path: &str, body: &Value) -> u16 {
-        let request = ureq::post(format!("{}{path}", self.page));
-        let request = request.config().http_status_as_error(false).build();
-        request.send_json(body).unwrap().status().as_u16()
+        post(&format!("{}{path}", self.page), body)
     }
 
     /// Waits for a state, for a minute.
@@ -406,6 +404,11 @@ fn modem_frames_come_on_standard_input() {
     assert_eq!(state["link"]["reports"], Value::Null);
 }
 
+fn post(url: &str, body: &Value) -> u16 {
+    let request = ureq::post(url).config().http_status_as_error(false).build();
+    request.send_json(body).unwrap().status().as_u16()
+}
+
 fn status(url: &str, host: Option<&str>) -> u16 {
     let mut request = ureq::get(url);
     if let Some(host) = host {
@@ -422,12 +425,28 @@ fn other_addresses_take_a_token() {
     let line = console.line_with("console: ");
     let page = behind(&line, " on ").replace("0.0.0.0", "127.0.0.1");
     let (root, token) = page.split_once("/?").unwrap();
+    let view = console.line_with("to look only: ");
+    let view = behind(&view, "/?").to_owned();
     assert_eq!(status(&page, None), 200);
     assert_eq!(status(&format!("{root}/state?{token}"), Some("boat.example")), 200);
     for path in ["/", "/state", "/picture.png", "/state?token=", "/state?token=0000", "/nothing"] {
         assert_eq!(status(&format!("{root}{path}"), None), 403, "{path}");
     }
+    assert_eq!(status(&format!("{root}/?{view}"), None), 200);
+    let bodies = [
+        ("/region", json!({ "parts": null })),
+        ("/record", json!({ "on": true })),
+        ("/snapshot", json!({})),
+    ];
+    for (path, body) in &bodies {
+        assert_eq!(post(&format!("{root}{path}?{view}"), body), 403, "{path}");
+        assert_eq!(post(&format!("{root}{path}?view&{token}"), body), 403, "{path}");
+        assert_eq!(post(&format!("{root}{path}?{token}"), body), 202, "{path}");
+    }
     let open = Console::start(&dive, "--udp 127.0.0.1:0");
+    for (path, body) in &bodies {
+        assert_eq!(open.post(&format!("{path}?view"), body), 403, "{path}");
+    }
     let state = format!("{}/state", open.page);
     assert_eq!(status(&state, None), 200);
     assert_eq!(

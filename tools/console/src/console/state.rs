@@ -15,6 +15,8 @@ pub struct State {
     pub now: f64,
     /// How fast it goes: a recording may be played faster.
     pub speed: f64,
+    /// How many are open.
+    pub pages: usize,
     pub source: String,
     /// Why nothing comes.
     pub stopped: Option<String>,
@@ -33,6 +35,8 @@ pub struct State {
     pub recorded: Option<u64>,
     /// What the last command came to.
     pub note: Option<String>,
+    /// Which page gave it.
+    pub note_page: Option<String>,
     pub warnings: Vec<String>,
     pub overlay: Option<Overlay>,
 }

@@ -14,7 +14,7 @@ use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
 
 use super::clock::Clock;
-use super::event::{Arrived, Command, Event};
+use super::event::{Arrived, Asked, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
@@ -50,11 +50,19 @@ pub struct Published {
     /// PNG; none before the first picture.
     pub picture: Arc<[u8]>,
     pub chase: Arc<[u8]>,
+    /// Each page that is open holds a receiver.
+    pub pages: watch::Sender<()>,
 }
 
 impl Published {
     fn none() -> Published {
-        Published { state: "{}".into(), picture: Arc::new([]), chase: Arc::new([]) }
+        let none: Arc<[u8]> = Arc::new([]);
+        Published {
+            state: "{}".into(),
+            picture: none.clone(),
+            chase: none,
+            pages: watch::Sender::new(()),
+        }
     }
 }
 
@@ -91,6 +99,7 @@ pub struct Topside {
     region: Option<Region>,
     reported: f64,
     note: Option<String>,
+    note_page: Option<String>,
     portable: bool,
     publisher: watch::Sender<Published>,
     published: Published,
@@ -137,6 +146,7 @@ impl Topside {
             region: None,
             reported: f64::MIN,
             note: None,
+            note_page: None,
             portable: engine.device().portable,
             publisher,
             published: Published::none(),
@@ -210,8 +220,9 @@ impl Topside {
             Event::Arrived(arrived) => self.take_frame(&arrived),
             Event::Stopped(why) => self.stopped = Some(why),
             Event::Resumed => self.stopped = None,
-            Event::Command(command) => {
+            Event::Command(Asked { page, command }) => {
                 let note = self.obey(command);
+                self.note_page = page;
                 self.note = Some(note.unwrap_or_else(|error| format!("failed: {error}")));
             }
         }
@@ -316,7 +327,7 @@ impl Topside {
         }
         self.published.state = serde_json::to_string(&state)?.into();
         self.publisher.send_replace(self.published.clone());
-        self.note = None;
+        (self.note, self.note_page) = (None, None);
         Ok(())
     }
 
@@ -329,6 +340,7 @@ impl Topside {
             prior: self.prior.clone(),
             now,
             speed: self.options.clock.speed(),
+            pages: self.published.pages.receiver_count(),
             source: self.options.source.clone(),
             stopped: self.stopped.clone(),
             picture: shown.map(|shown| picture_state(shown, now)),
@@ -346,6 +358,7 @@ impl Topside {
             region: self.region.map(|region| region.edges.map(|edge| f64::from(edge) / 255.0)),
             recorded: self.options.keeper.recorded(),
             note: self.note.clone(),
+            note_page: self.note_page.clone(),
             warnings: self.warnings(shown),
             overlay: self.overlay.clone(),
         }
