@@ -139,6 +139,8 @@ impl SceneViews {
             known: shown
                 .map_or(Vec::new(), |shown| self.outline(shown).filter_map(place).collect()),
             cone: shown.map_or(Vec::new(), cone),
+            heading: shown.and_then(|shown| self.plan.heading(&shown.decoded.pose)),
+            pixels_per_unit: self.plan.pixels_per_unit,
             track: self.track.places().filter_map(place).collect(),
             predicted: predicted.filter_map(place).collect(),
         }

@@ -129,6 +129,10 @@ pub struct PlanState {
     pub known: Vec<Pixel>,
     /// What the camera sees, as a triangle's far corners.
     pub cone: Vec<Pixel>,
+    /// Which way it looks, degrees from the map's upper edge, clockwise.
+    pub heading: Option<f64>,
+    /// What a unit of the prior's ground has.
+    pub pixels_per_unit: f64,
     pub track: Vec<Pixel>,
     pub predicted: Vec<Pixel>,
 }
