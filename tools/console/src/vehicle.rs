@@ -19,6 +19,7 @@ use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_link::age_limit::AgeLimit;
 use nvsprior_link::exposure::{self, ClockSource, EXPOSURE_LEN, TopsideClock};
 use nvsprior_link::pilot::{PilotMessage, Region};
 use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
@@ -172,6 +173,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         socket,
         bit_rate: args.link.bit_rate,
         overhead: args.link.overhead,
+        limit: AgeLimit::of(&sender.control),
         clock: TopsideClock::default(),
         region: None,
         free: 0.0,
@@ -216,6 +218,8 @@ struct Dive {
     socket: UdpSocket,
     bit_rate: f64,
     overhead: usize,
+    /// Of the age of pictures, as packets tell it.
+    limit: AgeLimit,
     clock: TopsideClock,
     region: Option<Region>,
     /// When the link has sent what it was given, seconds since the start.
@@ -290,8 +294,8 @@ impl Dive {
     /// When a frame was exposed, as its packet tells it.
     fn stamp(&self, exposed: f64) -> [u8; EXPOSURE_LEN] {
         match self.clock.at(exposed) {
-            Some(topside) => exposure::written(topside, ClockSource::Reports),
-            None => exposure::written(utc(), ClockSource::Vehicle),
+            Some(topside) => exposure::written(topside, ClockSource::Reports, self.limit),
+            None => exposure::written(utc(), ClockSource::Vehicle, self.limit),
         }
     }
 

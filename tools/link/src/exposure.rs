@@ -1,4 +1,4 @@
-//! When a frame was exposed, by the topside's clock: two user bytes that travel with its packet.
+//! When a frame was exposed, by the topside's clock: user bytes that travel with its packet.
 //!
 //! A topside that knows only when packets came cannot tell how old a picture is: a delay that all of them have does not
 //! show. So the vehicle tells the time of exposure. Its own clock may be wrong. Each report tells the topside's time as
@@ -7,15 +7,21 @@
 //!
 //! | bits | content, little endian |
 //! |---|---|
-//! | 0–14 | time in steps of 20 ms, modulo 655.36 s |
-//! | 15 | whether it is counted from a report; else it is the vehicle's own UTC |
+//! | 0–12 | time in steps of 80 ms, modulo 655.36 s |
+//! | 13–14 | from which age on a picture is old: [`AgeLimit`] |
+//! | 15 | whether the time is counted from a report; else it is the vehicle's own UTC |
 
 use std::collections::VecDeque;
 
+use crate::age_limit::AgeLimit;
+
 /// Bytes that travel with each packet.
 pub const EXPOSURE_LEN: usize = 2;
+/// Steps of a stamp, and of the time of a packet, which is cut to fewer.
 const STEP: f64 = 0.02;
 const STEPS: u16 = 1 << 15;
+const CUT: u16 = 4;
+const LIMIT_AT: u32 = 13;
 /// Seconds after which stamps begin anew.
 pub const PERIOD: f64 = STEP * STEPS as f64;
 /// Reports that count: the clocks drift.
@@ -38,20 +44,30 @@ pub fn stamp(seconds: f64) -> u16 {
 }
 
 /// A time as it travels.
-pub fn written(seconds: f64, source: ClockSource) -> [u8; EXPOSURE_LEN] {
+pub fn written(seconds: f64, source: ClockSource, limit: AgeLimit) -> [u8; EXPOSURE_LEN] {
     let mark = if source == ClockSource::Reports { STEPS } else { 0 };
-    (stamp(seconds) | mark).to_le_bytes()
+    ((stamp(seconds) / CUT) | (limit.bits() << LIMIT_AT) | mark).to_le_bytes()
 }
 
 /// How old a frame is at `now`, the topside's UTC in seconds, by the user bytes of its packet. `None`: they tell no
 /// time, or one that cannot be, as the vehicle's clock is wrong.
 pub fn age(user: &[u8], now: f64) -> Option<(f64, ClockSource)> {
-    let word = u16::from_le_bytes(user.try_into().ok()?);
+    let word = word(user)?;
     let source = if word >= STEPS { ClockSource::Reports } else { ClockSource::Vehicle };
-    let age = (now - f64::from(word % STEPS) * STEP).rem_euclid(PERIOD);
-    // A stamp is cut to its step.
+    let age = (now - f64::from(word % (1 << LIMIT_AT)) * STEP * f64::from(CUT)).rem_euclid(PERIOD);
+    // Times are cut to their steps.
     let age = if age > PERIOD - 2.0 * STEP { 0.0 } else { age };
     (age <= OLDEST).then_some((age, source))
+}
+
+/// From which age on a picture is old, by the user bytes of its packet; seconds.
+pub fn limit(user: &[u8]) -> f64 {
+    let told = word(user).map(|word| AgeLimit::from_bits(word >> LIMIT_AT));
+    told.unwrap_or(AgeLimit::UNTOLD).seconds()
+}
+
+fn word(user: &[u8]) -> Option<u16> {
+    Some(u16::from_le_bytes(user.try_into().ok()?))
 }
 
 /// The topside's clock, as the vehicle knows it.
@@ -85,7 +101,7 @@ mod tests {
     use super::*;
 
     fn of(exposed: f64, now: f64) -> Option<f64> {
-        age(&written(exposed, ClockSource::Vehicle), now).map(|(age, _)| age)
+        age(&written(exposed, ClockSource::Vehicle, AgeLimit::UNTOLD), now).map(|(age, _)| age)
     }
 
     #[test]
@@ -94,13 +110,17 @@ mod tests {
             [(5.0, 7.5), (PERIOD - 1.0, PERIOD + 1.5), (1.7e9 + 0.37, 1.7e9 + 2.87)]
         {
             let told = of(exposed, now).unwrap();
-            assert!((told - 2.5).abs() <= STEP, "{told}");
+            assert!((told - 2.5).abs() <= STEP * f64::from(CUT), "{told}");
         }
         assert_eq!(of(10.0, 10.0 - 1e-3), Some(0.0), "a stamp of now is not of the past period");
         assert_eq!(of(60.0, 30.0), None, "a vehicle's clock that is ahead is not believed");
-        assert_eq!(age(&[1, 2, 3], 0.0), None);
-        let (_, source) = age(&written(1.0, ClockSource::Reports), 2.0).unwrap();
-        assert_eq!(source, ClockSource::Reports);
+        assert_eq!((age(&[1], 0.0), age(&[1, 2, 3, 4], 0.0)), (None, None));
+        for bits in 0..4 {
+            let told = AgeLimit::from_bits(bits);
+            let bytes = written(1.0, ClockSource::Reports, told);
+            assert_eq!(age(&bytes, 2.0).unwrap().1, ClockSource::Reports);
+            assert_eq!((limit(&bytes), limit(&[1])), (told.seconds(), AgeLimit::UNTOLD.seconds()));
+        }
     }
 
     /// The vehicle's clock is off by an hour. Reports take 0.4 s and more.
@@ -114,8 +134,8 @@ mod tests {
         }
         let (exposed, now) = (650.0, 657.0);
         let told = clock.at(vehicle(exposed)).unwrap();
-        let (age, _) = age(&written(told, ClockSource::Reports), now).unwrap();
-        assert!((7.0..=7.0 + 0.4 + 2.0 * STEP).contains(&age), "{age}");
+        let (age, _) = age(&written(told, ClockSource::Reports, AgeLimit::UNTOLD), now).unwrap();
+        assert!((7.0..=7.0 + 0.4 + STEP + STEP * f64::from(CUT)).contains(&age), "{age}");
         for sent in 0..REPORTS {
             clock.reported(vehicle(sent as f64 + 1.0), stamp(sent as f64));
         }

@@ -4,6 +4,7 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+pub mod age_limit;
 pub mod channel;
 pub mod exposure;
 pub mod pilot;

@@ -17,6 +17,10 @@ fn the_page_follows_a_dive() {
     let page = Page::open(&desk.page);
     pictures_come_and_change(&page);
     the_page_tells_how_fast_it_is(&page, &desk);
+    each_thing_fades_by_its_own_age(&page);
+    help_names_what_is_on_the_page(&page);
+    the_picture_stands_alone(&page);
+    two_pages_know_of_each_other(&page, &desk);
     a_region_is_marked_by_dragging(&page, &mut desk);
     keys_do_what_the_page_says(&page);
     the_overlay_has_patterns(&page);
@@ -61,6 +65,90 @@ fn the_page_tells_how_fast_it_is(page: &Page, desk: &Desk) {
         page.text("pictures")
     );
     assert!(median < 2000.0, "{median} ms");
+}
+
+/// The limits are those of the link that the desk's vehicle is told. 2 · (2 s + 1/3 s + 0.5 s + 64 bytes at 8 kbit/s), rounded up.
+fn each_thing_fades_by_its_own_age(page: &Page) {
+    assert_eq!(page.value("state.picture.limits.join()"), "8,20");
+    // No state comes in between: what is set stands while one script runs.
+    let levels = |set: &str| {
+        page.value(&format!(
+            "(() => {{
+                const before = structuredClone(state);
+                state.picture.age = state.chase.age = state.link.silence = 0;
+                {set};
+                tick();
+                const of = (id) => byId(id).closest('[data-age]').dataset.level;
+                const found = ['age', 'pose', 'picture', 'plan', 'chase', 'silence', 'loss', 'bytes-plot'].map(of);
+                const said = [byId('loss').textContent, byId('position').textContent, byId('pose-name').textContent];
+                state = before;
+                tick();
+                return `${{found.join('')}} ${{said.filter((text) => text === '–' || text.startsWith('was')).length}}`;
+            }})()"
+        ))
+    };
+    assert_eq!(levels(""), "00000000 0");
+    assert_eq!(levels("state.picture.age = 5.9"), "11110000 0");
+    assert_eq!(levels("state.picture.age = 14.7"), "22220000 2");
+    assert_eq!(levels("state.chase.age = 14.7"), "00002000 0");
+    assert_eq!(levels("state.link.silence = 5.9"), "00000111 0");
+    assert_eq!(levels("state.link.silence = 14.7"), "00000222 1");
+}
+
+fn help_names_what_is_on_the_page(page: &Page) {
+    page.key("?");
+    page.until("help", "byId('help').open");
+    let unnamed = "[...document.querySelectorAll('header .figure .label, #pose-name, h2')]
+        .map((label) => label.firstChild.textContent.split(/[,·]/)[0].trim())
+        .filter((name) => !byId('help').textContent.includes(name))";
+    assert_eq!(page.value(&format!("({unnamed}).join()")), "");
+    page.save("help");
+    page.key("Escape");
+    page.until("its end", "!byId('help').open");
+}
+
+/// Maps are folded, and the picture has all of the screen, with its age and the pose over it.
+fn the_picture_stands_alone(page: &Page) {
+    let wide = page.number("box.width * box.scale");
+    assert!(page.is("/^(0\\.0*)?[125]0* units$/.test(byId('scale').textContent)"));
+    assert!(page.is("/^heading [0-9]+°$/.test(byId('heading').textContent)"));
+    page.key("m");
+    page.until("a wide stage", "byId('stage').clientWidth > innerWidth - 20");
+    page.key("m");
+    page.key("f");
+    page.until("a wide picture", &format!("box.width * box.scale > {wide} * 1.2"));
+    let over = "['age-box', 'pose'].every((id) => {
+        const [over, stage] = [byId(id), byId('stage')].map((part) => part.getBoundingClientRect());
+        return over.width > 0 && over.top >= stage.top && over.bottom < stage.bottom;
+    })";
+    assert!(page.is(over) && page.is("byId('rate').getBoundingClientRect().width === 0"));
+    page.save("full");
+    page.key("Escape");
+    page.until("all of it", "byId('rate').getBoundingClientRect().width > 0");
+}
+
+fn two_pages_know_of_each_other(page: &Page, desk: &Desk) {
+    assert_eq!(page.text("pages"), "");
+    let view = Page::open(&format!("{}?view", desk.page));
+    page.until("the other", "byId('pages').textContent === '2 pages are open'");
+    view.until(
+        "the other",
+        "byId('pages').textContent === 'this page only looks · 2 pages are open'",
+    );
+    assert_eq!(view.number("byId('record-button').offsetWidth"), 0.0);
+    view.key("g");
+    view.until("a refusal", "byId('note').textContent.includes('only looks')");
+    page.key("g");
+    view.until(
+        "news",
+        "byId('note').textContent.endsWith(' another page: region of interest sent')",
+    );
+    page.until("a note", "byId('note').textContent.endsWith(' region of interest sent')");
+    assert!(!page.text("note").contains("another"));
+    page.key("Escape");
+    page.until("no region", "state.region === null");
+    drop(view);
+    page.until("being alone", "byId('pages').textContent === ''");
 }
 
 fn a_region_is_marked_by_dragging(page: &Page, desk: &mut Desk) {
@@ -114,8 +202,32 @@ fn silt_makes_it_lost(page: &Page, desk: &Desk) {
     page.until("lost", "state.pose === 'lost' && byId('pose-name').textContent === 'LOST'");
     page.until("the banner", "!byId('banner').hidden");
     page.save("lost");
+    page.key("p");
+    page.until("why", "byId('note').textContent.includes('No path to draw')");
+    page.key("p");
+    what_warns_is_seen(page);
     desk.water(Water::Clear);
     page.until("certain again", "state.pose === 'certain'");
+}
+
+/// On a small screen, too. The banner lies beside the picture.
+fn what_warns_is_seen(page: &Page) {
+    for (name, width, height) in [("small", 800, 600), ("large", 2560, 1440), ("middle", 1280, 720)]
+    {
+        page.resize(width, height);
+        let seen = "(() => {
+            state.warnings = ['The render is not the vehicle\\'s: do not trust this picture.'];
+            showState();
+            tick();
+            return ['banner', 'warnings', 'note'].every((id) => {
+                const place = byId(id).getBoundingClientRect();
+                return place.height > 10 && place.bottom <= innerHeight && place.top >= 0;
+            }) && byId('banner').getBoundingClientRect().bottom <= byId('stage').getBoundingClientRect().top
+                && document.documentElement.scrollHeight <= innerHeight;
+        })()";
+        page.until(name, seen);
+        page.save(name);
+    }
 }
 
 fn silence_is_told_and_the_page_recovers(page: &Page, desk: &mut Desk) {

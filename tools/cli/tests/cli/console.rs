@@ -96,9 +96,7 @@ impl Console {
     }
 
     fn post(&self, path: &str, body: &Value) -> u16 {
-        let request = ureq::post(format!("{}{path}", self.page));
-        let request = request.config().http_status_as_error(false).build();
-        request.send_json(body).unwrap().status().as_u16()
+        post(&format!("{}{path}", self.page), body)
     }
 
     /// Waits for a state.
@@ -260,6 +258,8 @@ fn what_the_vehicle_sees_is_on_the_page() {
     let state = console.until("a residual", |state| state["picture"]["has_residual"] == true);
     assert_eq!(state["pose"], "certain");
     assert_eq!(state["link"]["garbage"], 0);
+    // 2 · (2 s + 1/5 s + 0.5 s + 64 bytes at 20 kbit/s), rounded up: of what the vehicle is told of its link.
+    assert_eq!(state["picture"]["limits"], json!([8.0, 20.0]));
     assert!(state["plan"]["vehicle"].is_array() && state["chase"]["number"].as_u64() > Some(0));
     let shown = image::load_from_memory(&console.get("/picture.png")).unwrap().to_rgb8();
     let shown =
@@ -313,7 +313,7 @@ fn a_console_that_is_started_again_goes_on() {
     drop(vehicle);
     let state = again.until("silence", |state| state["missing"]["cause"] == "no-bytes");
     assert!(state["missing"]["advice"].as_str().unwrap().contains("whether the vehicle runs"));
-    again.running.line_with("Nothing comes, for 10 s.");
+    again.running.line_with("Nothing comes, for ");
     let events = |file: &str| -> Vec<String> {
         let text = String::from_utf8(dive.bytes(file)).unwrap();
         let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
@@ -484,6 +484,11 @@ fn modem_frames_come_on_standard_input() {
     assert_eq!(state["link"]["reports"], Value::Null);
 }
 
+fn post(url: &str, body: &Value) -> u16 {
+    let request = ureq::post(url).config().http_status_as_error(false).build();
+    request.send_json(body).unwrap().status().as_u16()
+}
+
 fn status(url: &str, host: Option<&str>) -> u16 {
     let mut request = ureq::get(url);
     if let Some(host) = host {
@@ -500,12 +505,28 @@ fn other_addresses_take_a_token() {
     let line = console.line_with("console: ");
     let page = behind(&line, " on ").replace("0.0.0.0", "127.0.0.1");
     let (root, token) = page.split_once("/?").unwrap();
+    let view = console.line_with("to look only: ");
+    let view = behind(&view, "/?").to_owned();
     assert_eq!(status(&page, None), 200);
     assert_eq!(status(&format!("{root}/state?{token}"), Some("boat.example")), 200);
     for path in ["/", "/state", "/picture.png", "/state?token=", "/state?token=0000", "/nothing"] {
         assert_eq!(status(&format!("{root}{path}"), None), 403, "{path}");
     }
+    assert_eq!(status(&format!("{root}/?{view}"), None), 200);
+    let bodies = [
+        ("/region", json!({ "parts": null })),
+        ("/record", json!({ "on": true })),
+        ("/snapshot", json!({})),
+    ];
+    for (path, body) in &bodies {
+        assert_eq!(post(&format!("{root}{path}?{view}"), body), 403, "{path}");
+        assert_eq!(post(&format!("{root}{path}?view&{token}"), body), 403, "{path}");
+        assert_eq!(post(&format!("{root}{path}?{token}"), body), 202, "{path}");
+    }
     let open = Console::start(&dive, "--udp 127.0.0.1:0");
+    for (path, body) in &bodies {
+        assert_eq!(open.post(&format!("{path}?view"), body), 403, "{path}");
+    }
     let state = format!("{}/state", open.page);
     assert_eq!(status(&state, None), 200);
     assert_eq!(

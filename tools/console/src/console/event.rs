@@ -14,8 +14,8 @@ pub enum Event {
     Stopped(String),
     /// The source is there again.
     Resumed,
-    /// The pilot wants something.
-    Command(Command),
+    /// A page wants something.
+    Command(Asked),
 }
 
 pub struct Arrived {
@@ -24,6 +24,12 @@ pub struct Arrived {
     pub bytes: Vec<u8>,
     /// Where reports to its sender go, of a datagram.
     pub from: Option<SocketAddr>,
+}
+
+pub struct Asked {
+    /// Which page, by a name that it gave itself.
+    pub page: Option<String>,
+    pub command: Command,
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::state::PriorState;
 
-/// Seconds without a picture after which something is missing.
+/// Seconds without a picture after which something is missing, at least.
 const QUIET: f64 = 10.0;
 /// Modem frames in a row of no use, after which something must be wrong.
 const STRANGERS: u64 = 20;
@@ -60,6 +60,8 @@ pub struct Watch {
     bytes: Option<f64>,
     proven: Option<f64>,
     shown: Option<f64>,
+    /// Seconds without a picture that are too many on this link.
+    quiet: f64,
     /// Modem frames since the last proven one, and when the first of them came.
     useless: u64,
     useless_since: f64,
@@ -68,7 +70,7 @@ pub struct Watch {
 impl Watch {
     pub fn new(now: f64) -> Watch {
         let (bytes, proven, shown) = (None, None, None);
-        Watch { start: now, bytes, proven, shown, useless: 0, useless_since: now }
+        Watch { start: now, bytes, proven, shown, quiet: QUIET, useless: 0, useless_since: now }
     }
 
     /// A modem frame came; `is_proven`: checks vouch for it, `None`: that is not known yet.
@@ -86,13 +88,14 @@ impl Watch {
         }
     }
 
-    pub fn shown(&mut self, now: f64) {
-        self.shown = Some(now);
+    /// A picture is shown, which is very old at so many seconds.
+    pub fn shown(&mut self, now: f64, very_old: f64) {
+        (self.shown, self.quiet) = (Some(now), very_old.max(QUIET));
     }
 
     /// `None`: pictures come, or have not been waited for long.
     pub fn missing(&self, now: f64, refusal: Option<&Refusal>, side: &Side) -> Option<Missing> {
-        let is_quiet = |last: Option<f64>| now - last.unwrap_or(self.start) >= QUIET;
+        let is_quiet = |last: Option<f64>| now - last.unwrap_or(self.start) >= self.quiet;
         let is_strange = self.useless >= STRANGERS && now - self.useless_since >= 1.0;
         if is_strange && self.proven.is_none_or(|last| last <= self.useless_since) {
             return Some(self.unreadable(now, side));
@@ -195,7 +198,7 @@ mod tests {
         );
         (0..19).for_each(|k| watch.came(110.0 + 0.1 * f64::from(k), Some(false)));
         assert_eq!(cause(&watch, 112.0, None), Some("unreadable"), "no picture for long");
-        watch.shown(112.0);
+        watch.shown(112.0, 12.5);
         assert_eq!(cause(&watch, 113.0, None), None);
         watch.came(113.0, Some(false));
         let told = watch.missing(113.0, None, &side(Some("the key in a.key, epoch 2"))).unwrap();
@@ -209,7 +212,8 @@ mod tests {
         watch.came(130.0, Some(true));
         assert_eq!(cause(&watch, 131.0, None), Some("too-few"));
         assert_eq!(cause(&watch, 131.0, Some(&Refusal::Unknown)), Some("unknown"));
-        assert_eq!(cause(&watch, 145.0, Some(&Refusal::Unknown)), Some("no-bytes"));
+        assert_eq!(cause(&watch, 142.0, None), Some("too-few"));
+        assert_eq!(cause(&watch, 143.0, Some(&Refusal::Unknown)), Some("no-bytes"));
     }
 
     #[test]

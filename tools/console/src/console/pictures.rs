@@ -7,6 +7,7 @@ use nvsprior::keys::{Keys, Seen};
 use nvsprior::modem::{Collected, Collector, CollectorOptions, CollectorStatistics, ModemError};
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Decoded, Decoder, Engine, Error, Trust};
+use nvsprior_link::age_limit::AgeLimit;
 use nvsprior_link::exposure::{self, ClockSource};
 use nvsprior_link::pilot::PilotMessage;
 
@@ -34,6 +35,8 @@ pub struct Shown {
     /// When its frame was exposed, UTC; without a clock when its packet began to come.
     pub exposed: f64,
     pub clock: Option<ClockSource>,
+    /// From which age on it is old, seconds.
+    pub old: f64,
     /// Modem frames of its packet that came, and that were sent.
     pub shares: (usize, Option<usize>),
     /// Bytes of its packet that came.
@@ -228,6 +231,7 @@ impl Pictures {
             return Ok(false);
         }
         let age = packet.user.and_then(|user| exposure::age(user, self.newest_time));
+        let old = packet.user.map_or(AgeLimit::UNTOLD.seconds(), exposure::limit);
         let began = self.began.get(&frame).copied().unwrap_or(self.newest_time);
         let Some(camera) = self.decoder.camera().copied() else { return Ok(false) };
         // The buffers of the picture before are used again.
@@ -240,6 +244,7 @@ impl Pictures {
             arrived: self.newest_time,
             exposed: age.map_or(began, |(age, _)| self.newest_time - age),
             clock: age.map(|(_, source)| source),
+            old,
             shares: (packet.arrived, packet.sent),
             bytes: packet.bytes.len(),
             complete: packet.complete,

@@ -15,6 +15,8 @@ const OUTSIDE: f64 = 0.01;
 const OPAQUE: f64 = 0.3;
 /// How many times as far away as the scene is wide the camera stands: all is seen from straight above.
 const FAR: f64 = 12.0;
+/// Level part of a direction, from which on it is a heading.
+const LEVEL: f64 = 0.1;
 
 /// Which way is up. The mapping run's cameras were held level: so it is the direction that is square to all their x
 /// axes, and against the mean of their y axes, which point down. A prior without key frames is drawn along its thinnest
@@ -63,13 +65,15 @@ fn range(prior: &Prior, number: impl Fn(DVec3) -> f64) -> [f64; 2] {
 pub struct PlanView {
     camera: Camera,
     pose: Pose,
+    /// Of the ground.
+    pub pixels_per_unit: f64,
     pub picture: Picture,
 }
 
 impl PlanView {
     /// Draws it. What lies above the cameras of the mapping run is left out: it would hide the rest.
     pub fn draw(engine: &Engine, prior: &Prior, up: DVec3) -> anyhow::Result<PlanView> {
-        let (camera, pose) = viewpoint(prior, up);
+        let (camera, pose, pixels_per_unit) = viewpoint(prior, up);
         let [_, top] = range(prior, |point| point.dot(up));
         let centres = prior.key_frames().poses().iter().map(|pose| pose.centre().dot(up));
         let ceiling = centres.reduce(f64::max).unwrap_or(top);
@@ -83,7 +87,14 @@ impl PlanView {
             let mut renderer = engine.renderer(&scene, &camera, Plan::picture())?;
             renderer.picture(&pose, &mut picture)?;
         }
-        Ok(PlanView { camera, pose, picture })
+        Ok(PlanView { camera, pose, pixels_per_unit, picture })
+    }
+
+    /// Which way a vehicle looks on it, degrees from its upper edge, clockwise. `None`: straight up or down.
+    pub fn heading(&self, vehicle: &Pose) -> Option<f64> {
+        let ahead = self.pose.rotation * (vehicle.rotation.inverse() * DVec3::Z);
+        let is_level = ahead.truncate().length() > LEVEL;
+        is_level.then(|| ahead.x.atan2(-ahead.y).to_degrees().rem_euclid(360.0))
     }
 
     /// Where a point of the scene lies on it.
@@ -92,8 +103,9 @@ impl PlanView {
     }
 }
 
-/// A camera far above that has all of the scene in its picture, with the longer side across.
-fn viewpoint(prior: &Prior, up: DVec3) -> (Camera, Pose) {
+/// A camera far above that has all of the scene in its picture, with the longer side across. And pixels of a unit of
+/// the ground.
+fn viewpoint(prior: &Prior, up: DVec3) -> (Camera, Pose, f64) {
     let any = if up.x.abs() < 0.9 { DVec3::X } else { DVec3::Y };
     let mut right = (any - up * any.dot(up)).normalize();
     let reach = |axis: DVec3| range(prior, move |point| point.dot(axis));
@@ -123,11 +135,13 @@ fn viewpoint(prior: &Prior, up: DVec3) -> (Camera, Pose) {
         cx: (pixels / 2.0) as f32,
         cy: (lines / 2.0) as f32,
     };
-    (camera, pose)
+    (camera, pose, SIDE / width)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::{FRAC_PI_2, PI};
+
     use super::*;
     use nvsprior::RenderOptions;
     use nvsprior::prior::{KeyFrames, Splats};
@@ -171,7 +185,7 @@ mod tests {
 
     #[test]
     fn all_of_the_scene_is_on_it_with_the_longer_side_across() {
-        let (camera, pose) = viewpoint(&floor(), -DVec3::Y);
+        let (camera, pose, pixels_per_unit) = viewpoint(&floor(), -DVec3::Y);
         assert_eq!(camera.width, SIDE as u32);
         assert!((300..=380).contains(&camera.height), "{}", camera.height);
         let seen = |x, z| {
@@ -180,6 +194,7 @@ mod tests {
         };
         let [left, right] = [seen(0.0, 2.0), seen(7.8, 2.0)];
         assert!((right[0] - left[0]).abs() > 0.85 * SIDE && (right[1] - left[1]).abs() < 2.0);
+        assert!(((right[0] - left[0]).abs() - 7.8 * pixels_per_unit).abs() < 2.0);
         for corner in [seen(0.0, 0.0), seen(7.8, 0.0), seen(0.0, 3.8), seen(7.8, 3.8)] {
             let inside = |value, side| (0.0..f64::from(side)).contains(&value);
             assert!(inside(corner[0], camera.width) && inside(corner[1], camera.height));
@@ -188,5 +203,18 @@ mod tests {
         let [a, b] = [seen(1.0, 1.0), seen(1.0, 2.0)];
         let turned = (right[0] - left[0]) * (b[1] - a[1]);
         assert!(turned < 0.0, "{turned}");
+        // A vehicle that goes along x heads to where x lies on it.
+        let plan = PlanView { camera, pose, pixels_per_unit, picture: Picture::default() };
+        let heading = |turn: f64| {
+            let forth = DQuat::from_rotation_y(turn);
+            plan.heading(&Pose::from_centre(forth, DVec3::ZERO)).unwrap()
+        };
+        let along_x = if right[0] > left[0] { 90.0 } else { 270.0 };
+        assert!((heading(-FRAC_PI_2) - along_x).abs() < 1e-6, "{}", heading(-FRAC_PI_2));
+        // Clockwise seen from above.
+        let quarter = (heading(-PI) - along_x).rem_euclid(360.0);
+        assert!((quarter - 90.0).abs() < 1e-6, "{quarter}");
+        let down = Pose::from_centre(DQuat::from_rotation_x(FRAC_PI_2), DVec3::ZERO);
+        assert_eq!(plan.heading(&down), None);
     }
 }

@@ -43,6 +43,7 @@ pub struct SceneViews {
 struct PosedCamera {
     camera: nvsprior::Camera,
     pose: Pose,
+    exposed: f64,
 }
 
 pub struct ViewsState {
@@ -85,7 +86,8 @@ impl SceneViews {
             return Ok(None);
         }
         self.chase.draw(&shown.decoded.pose)?;
-        self.chased = Some(PosedCamera { camera: shown.camera, pose: shown.decoded.pose });
+        let (camera, pose, exposed) = (shown.camera, shown.decoded.pose, shown.exposed);
+        self.chased = Some(PosedCamera { camera, pose, exposed });
         self.chase_drawn = Some(Instant::now());
         self.chase_number += 1;
         Ok(Some(&self.chase.picture))
@@ -104,6 +106,7 @@ impl SceneViews {
             plan: self.plan_state(shown, centres()),
             chase: ChaseState {
                 number: self.chase_number,
+                age: self.chased.map(|at| (now - at.exposed).max(0.0)),
                 vehicle: self
                     .chased
                     .map_or(Vec::new(), |at| self.chase.vehicle(&at.camera, &at.pose)),
@@ -136,6 +139,8 @@ impl SceneViews {
             known: shown
                 .map_or(Vec::new(), |shown| self.outline(shown).filter_map(place).collect()),
             cone: shown.map_or(Vec::new(), cone),
+            heading: shown.and_then(|shown| self.plan.heading(&shown.decoded.pose)),
+            pixels_per_unit: self.plan.pixels_per_unit,
             track: self.track.places().filter_map(place).collect(),
             predicted: predicted.filter_map(place).collect(),
         }

@@ -20,8 +20,8 @@ use tokio::sync::watch;
 use tokio_stream::wrappers::WatchStream;
 use tokio_stream::{Stream, StreamExt};
 
-use super::event::{Command, Event};
-use super::token::Access;
+use super::event::{Asked, Command, Event};
+use super::token::{Access, Role};
 use super::topside::Published;
 
 /// The page with all that it needs in it, so that only one address takes a token.
@@ -73,14 +73,15 @@ impl Server {
         Ok(Server { listener, at, access: Access::at(at.ip())? })
     }
 
-    /// Serves on a thread of its own. Returns the page's address.
+    /// Serves on a thread of its own. Returns the page's address; with tokens also that of those who only look.
     pub fn start(
         self,
         plan: Arc<[u8]>,
         published: watch::Receiver<Published>,
         events: SyncSender<Event>,
     ) -> anyhow::Result<String> {
-        let address = format!("http://{}/{}", self.at, self.access.query());
+        let page = |query: &String| format!("http://{}/{query}", self.at);
+        let addresses: Vec<_> = self.access.queries().iter().map(page).collect();
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
         let Server { listener, access, .. } = self;
         let router = router(Shared { plan, published, events }, access);
@@ -91,7 +92,7 @@ impl Server {
             })
         };
         std::thread::Builder::new().name("page".into()).spawn(serve).context("serving the page")?;
-        Ok(address)
+        Ok(addresses.join("\nto look only: "))
     }
 }
 
@@ -114,23 +115,28 @@ fn router(shared: Shared, access: Access) -> Router {
 }
 
 #[derive(Deserialize)]
-struct Token {
+struct Asker {
     token: Option<String>,
+    /// It only looks.
+    view: Option<String>,
 }
 
 async fn check(
     State(access): State<Access>,
-    Query(Token { token }): Query<Token>,
+    Query(Asker { token, view }): Query<Asker>,
     request: Request,
     next: Next,
 ) -> Response {
     let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok());
-    if access.allows(token.as_deref(), host) {
-        next.run(request).await
-    } else {
-        let text = "This page takes the address that the console printed, with its token.\n";
-        (StatusCode::FORBIDDEN, text).into_response()
-    }
+    let role = access.role(token.as_deref(), host);
+    let refusal = match role {
+        None => "This page takes the address that the console printed, with its token.\n",
+        Some(role) if request.method().is_safe() || (role == Role::Pilot && view.is_none()) => {
+            return next.run(request).await;
+        }
+        Some(_) => "This page only looks: nothing was done.\n",
+    };
+    (StatusCode::FORBIDDEN, refusal).into_response()
 }
 
 async fn png(bytes: Arc<[u8]>) -> Response {
@@ -157,8 +163,12 @@ impl AsRef<[u8]> for Text {
 
 /// The state, whenever there is a new one.
 async fn events(State(shared): State<Shared>) -> Sse<impl Stream<Item = Result<Told, Infallible>>> {
-    let states = WatchStream::new(shared.published);
-    let told = states.map(|published| Ok(Told::default().data(&*published.state)));
+    // Counted for as long as the stream is there.
+    let page = shared.published.borrow().pages.subscribe();
+    let told = WatchStream::new(shared.published).map(move |published| {
+        let _ = &page;
+        Ok(Told::default().data(&*published.state))
+    });
     Sse::new(told).keep_alive(KeepAlive::default())
 }
 
@@ -166,6 +176,7 @@ async fn events(State(shared): State<Shared>) -> Sse<impl Stream<Item = Result<T
 struct Wanted {
     /// Left, top, right and bottom as parts of the picture; `null`: none any more.
     parts: Option<[f64; 4]>,
+    page: Option<String>,
 }
 
 async fn region(State(shared): State<Shared>, Json(wanted): Json<Wanted>) -> Response {
@@ -176,28 +187,34 @@ async fn region(State(shared): State<Shared>, Json(wanted): Json<Wanted>) -> Res
             return (StatusCode::BAD_REQUEST, "no rectangle in the picture\n").into_response();
         }
     };
-    command(&shared, Command::Region(region))
+    command(&shared, wanted.page, Command::Region(region))
 }
 
 #[derive(Deserialize)]
 struct Switch {
     on: bool,
+    page: Option<String>,
 }
 
-async fn record(State(shared): State<Shared>, Json(Switch { on }): Json<Switch>) -> Response {
-    command(&shared, Command::Record(on))
+async fn record(State(shared): State<Shared>, Json(Switch { on, page }): Json<Switch>) -> Response {
+    command(&shared, page, Command::Record(on))
 }
 
 #[derive(Deserialize)]
-struct Nothing {}
-
-/// JSON is asked for so that no page of another site can do it.
-async fn snapshot(State(shared): State<Shared>, Json(Nothing {}): Json<Nothing>) -> Response {
-    command(&shared, Command::Snapshot)
+struct Plain {
+    page: Option<String>,
 }
 
-fn command(shared: &Shared, command: Command) -> Response {
-    match shared.events.try_send(Event::Command(command)) {
+/// JSON is asked for so that no page of another site can do it.
+async fn snapshot(State(shared): State<Shared>, Json(Plain { page }): Json<Plain>) -> Response {
+    command(&shared, page, Command::Snapshot)
+}
+
+/// `page`: a name that the page gave itself, to tell its own commands from those of others.
+fn command(shared: &Shared, page: Option<String>, command: Command) -> Response {
+    // All pages are told.
+    let page = page.filter(|page| page.len() <= 32);
+    match shared.events.try_send(Event::Command(Asked { page, command })) {
         Ok(()) => StatusCode::ACCEPTED.into_response(),
         Err(TrySendError::Full(_)) => {
             (StatusCode::SERVICE_UNAVAILABLE, "busy; try again\n").into_response()

@@ -16,6 +16,8 @@ pub struct State {
     pub now: f64,
     /// How fast it goes: a recording may be played faster.
     pub speed: f64,
+    /// How many are open.
+    pub pages: usize,
     pub source: String,
     /// Why nothing comes.
     pub stopped: Option<String>,
@@ -36,6 +38,8 @@ pub struct State {
     pub missing: Option<Missing>,
     /// What the last command came to.
     pub note: Option<String>,
+    /// Which page gave it.
+    pub note_page: Option<String>,
     pub warnings: Vec<String>,
     pub overlay: Option<Overlay>,
 }
@@ -70,6 +74,8 @@ pub struct PictureState {
     pub height: u32,
     /// How old it is.
     pub age: f64,
+    /// From which ages on it is old, and very old.
+    pub limits: [f64; 2],
     /// By whose clock; `None`: since its packet came, so it is older than that.
     pub clock: Option<&'static str>,
     /// When the modem frame came that it was drawn after, UTC.
@@ -126,6 +132,10 @@ pub struct PlanState {
     pub known: Vec<Pixel>,
     /// What the camera sees, as a triangle's far corners.
     pub cone: Vec<Pixel>,
+    /// Which way it looks, degrees from the map's upper edge, clockwise.
+    pub heading: Option<f64>,
+    /// What a unit of the prior's ground has.
+    pub pixels_per_unit: f64,
     pub track: Vec<Pixel>,
     pub predicted: Vec<Pixel>,
 }
@@ -134,6 +144,8 @@ pub struct PlanState {
 pub struct ChaseState {
     /// Counts its pictures.
     pub number: u64,
+    /// How old the pose is that it was drawn for.
+    pub age: Option<f64>,
     pub vehicle: Vec<Vec<Pixel>>,
     pub track: Vec<Vec<Pixel>>,
     pub predicted: Vec<Vec<Pixel>>,

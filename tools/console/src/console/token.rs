@@ -1,4 +1,4 @@
-//! The token in the page's address.
+//! The tokens in the page's addresses.
 
 use std::net::IpAddr;
 
@@ -7,34 +7,49 @@ use anyhow::Context;
 /// Who may have the page.
 #[derive(Clone, Debug)]
 pub struct Access {
-    /// `None`: whoever is on this machine.
-    token: Option<String>,
+    /// The pilot's, and that of those who only look. `None`: whoever is on this machine.
+    tokens: Option<[String; 2]>,
+}
+
+/// What a request may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    Pilot,
+    /// Looks, and changes nothing.
+    View,
 }
 
 impl Access {
     /// On a loopback address nobody needs a token.
     pub fn at(address: IpAddr) -> anyhow::Result<Access> {
         if address.is_loopback() {
-            return Ok(Access { token: None });
+            return Ok(Access { tokens: None });
         }
-        let mut random = [0; 16];
-        getrandom::fill(&mut random).ok().context("the system gives no random bytes")?;
-        Ok(Access { token: Some(random.iter().map(|byte| format!("{byte:02x}")).collect()) })
+        Ok(Access { tokens: Some([random()?, random()?]) })
     }
 
-    /// What stands behind the address.
-    pub fn query(&self) -> String {
-        self.token.as_ref().map_or(String::new(), |token| format!("?token={token}"))
+    /// What stands behind the pilot's address, and, with tokens, behind that of those who only look.
+    pub fn queries(&self) -> Vec<String> {
+        let Some([pilot, view]) = &self.tokens else { return vec![String::new()] };
+        vec![format!("?token={pilot}"), format!("?view&token={view}")]
     }
 
-    /// Whether a request may be answered, by its token and by the host that it names. A page of another site can have
-    /// its name stand for this address; so only numbers and `localhost` are taken.
-    pub fn allows(&self, token: Option<&str>, host: Option<&str>) -> bool {
-        match &self.token {
-            Some(wanted) => token.is_some_and(|token| is_same(token, wanted)),
-            None => host.is_some_and(is_number),
-        }
+    /// What a request may do, by its token and by the host that it names; `None`: nothing. A page of another site can
+    /// have its name stand for this address; so only numbers and `localhost` are taken.
+    pub fn role(&self, token: Option<&str>, host: Option<&str>) -> Option<Role> {
+        let Some([pilot, view]) = &self.tokens else {
+            return host.is_some_and(is_number).then_some(Role::Pilot);
+        };
+        let token = token?;
+        let roles = [(pilot, Role::Pilot), (view, Role::View)];
+        roles.into_iter().find(|(wanted, _)| is_same(token, wanted)).map(|(_, role)| role)
     }
+}
+
+fn random() -> anyhow::Result<String> {
+    let mut random = [0; 16];
+    getrandom::fill(&mut random).ok().context("the system gives no random bytes")?;
+    Ok(random.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// Compares in a time that does not tell where two tokens differ.
@@ -58,25 +73,28 @@ mod tests {
     #[test]
     fn loopback_needs_no_token_but_a_host_that_is_a_number() {
         let access = Access::at("127.0.0.1".parse().unwrap()).unwrap();
-        assert_eq!(access.query(), "");
+        assert_eq!(access.queries(), [""]);
         for host in ["127.0.0.1:8080", "localhost:9", "[::1]:80", "localhost"] {
-            assert!(access.allows(None, Some(host)), "{host}");
+            assert_eq!(access.role(None, Some(host)), Some(Role::Pilot), "{host}");
         }
         for host in [Some("evil.example:8080"), Some(""), None] {
-            assert!(!access.allows(None, host), "{host:?}");
+            assert_eq!(access.role(None, host), None, "{host:?}");
         }
     }
 
     #[test]
     fn other_addresses_need_their_own_token() {
         let access = Access::at("0.0.0.0".parse().unwrap()).unwrap();
-        let token = access.query().strip_prefix("?token=").unwrap().to_owned();
+        let [pilot, view] = access.queries().try_into().unwrap();
+        let token = pilot.strip_prefix("?token=").unwrap();
         assert_eq!(token.len(), 32);
-        assert!(access.allows(Some(&token), Some("boat.example")));
+        let role = |token: Option<&str>| access.role(token, Some("boat.example"));
+        assert_eq!(role(Some(token)), Some(Role::Pilot));
+        assert_eq!(role(view.strip_prefix("?view&token=")), Some(Role::View));
         let other = Access::at("0.0.0.0".parse().unwrap()).unwrap();
-        assert!(!other.allows(Some(&token), Some("127.0.0.1")));
+        assert_eq!(other.role(Some(token), Some("127.0.0.1")), None);
         for token in [None, Some(""), Some(&token[1..])] {
-            assert!(!access.allows(token, Some("127.0.0.1")));
+            assert_eq!(role(token), None);
         }
     }
 }

@@ -8,12 +8,13 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::Context;
 use nvsprior::keys::Keys;
 use nvsprior::{Engine, Picture, Prior};
+use nvsprior_link::age_limit::VERY_OLD;
 use nvsprior_link::exposure;
 use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
 
 use super::clock::Clock;
-use super::event::{Arrived, Command, Event};
+use super::event::{Arrived, Asked, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
@@ -57,11 +58,19 @@ pub struct Published {
     /// PNG; none before the first picture.
     pub picture: Arc<[u8]>,
     pub chase: Arc<[u8]>,
+    /// Each page that is open holds a receiver.
+    pub pages: watch::Sender<()>,
 }
 
 impl Published {
     fn none() -> Published {
-        Published { state: "{}".into(), picture: Arc::new([]), chase: Arc::new([]) }
+        let none: Arc<[u8]> = Arc::new([]);
+        Published {
+            state: "{}".into(),
+            picture: none.clone(),
+            chase: none,
+            pages: watch::Sender::new(()),
+        }
     }
 }
 
@@ -99,6 +108,7 @@ pub struct Topside {
     region: Option<Region>,
     reported: f64,
     note: Option<String>,
+    note_page: Option<String>,
     portable: bool,
     publisher: watch::Sender<Published>,
     published: Published,
@@ -151,6 +161,7 @@ impl Topside {
             region: None,
             reported: f64::MIN,
             note: None,
+            note_page: None,
             portable: engine.device().portable,
             publisher,
             published: Published::none(),
@@ -283,13 +294,14 @@ impl Topside {
                 self.options.journal.tell(self.options.clock.now(), "source", "it is there again");
                 self.stopped = None;
             }
-            Event::Command(command) => {
+            Event::Command(Asked { page, command }) => {
                 let note = self.obey(command);
                 let event = match command {
                     Command::Region(_) => "region",
                     Command::Record(_) => "recording",
                     Command::Snapshot => "snapshot",
                 };
+                self.note_page = page;
                 self.tell(event, note.unwrap_or_else(|error| format!("failed: {error}")));
             }
         }
@@ -356,7 +368,7 @@ impl Topside {
         let Some(shown) = self.pictures.shown() else { return Ok(()) };
         let now = self.options.clock.now();
         self.log.shown(now);
-        self.watch.shown(now);
+        self.watch.shown(now, shown.old * VERY_OLD);
         match shown.decoded.uncertain {
             true => _ = self.uncertain_since.get_or_insert(now),
             false => self.uncertain_since = None,
@@ -404,7 +416,7 @@ impl Topside {
         }
         self.published.state = serde_json::to_string(&state)?.into();
         self.publisher.send_replace(self.published.clone());
-        self.note = None;
+        (self.note, self.note_page) = (None, None);
         Ok(())
     }
 
@@ -432,6 +444,7 @@ impl Topside {
             prior: self.side.prior.clone(),
             now,
             speed: self.options.clock.speed(),
+            pages: self.published.pages.receiver_count(),
             source: self.options.source.clone(),
             stopped: self.stopped.clone(),
             picture: shown.map(|shown| picture_state(shown, now)),
@@ -450,6 +463,7 @@ impl Topside {
             recorded: self.options.keeper.recorded(),
             missing,
             note: self.note.clone(),
+            note_page: self.note_page.clone(),
             warnings: self.warnings(shown),
             overlay: self.overlay.clone(),
         }
@@ -505,6 +519,7 @@ fn picture_state(shown: &Shown, now: f64) -> PictureState {
         width: picture.width,
         height: picture.height,
         age: (now - shown.exposed).max(0.0),
+        limits: [shown.old, shown.old * VERY_OLD],
         clock: shown.clock.map(clock_name),
         arrived: shown.arrived,
         shares: [Some(shown.shares.0), shown.shares.1],

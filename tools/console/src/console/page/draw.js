@@ -146,14 +146,15 @@ function drawOverlay(place, box, overlay) {
   context.restore();
 }
 
+// Returns how large a pixel of the map is drawn.
 function drawPlan(canvas, image, plan) {
   const place = begin(canvas);
-  if (!image) return;
+  if (!image) return null;
   const box = fit(place, image.width, image.height);
   drawImage(place, box, image);
   line(place, box, plan.track, TEXT, 2);
   line(place, box, plan.predicted, GOOD, 2, [3, 4]);
-  if (!plan.vehicle) return;
+  if (!plan.vehicle) return box.scale;
   const { context } = place;
   const at = ([x, y]) => [box.x + x * box.scale, box.y + y * box.scale];
   if (plan.cone.length === 2) {
@@ -174,6 +175,7 @@ function drawPlan(canvas, image, plan) {
   context.strokeStyle = "#000";
   context.lineWidth = 1.5;
   context.stroke();
+  return box.scale;
 }
 
 function drawChase(canvas, image, chase) {

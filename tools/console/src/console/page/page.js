@@ -1,7 +1,7 @@
 "use strict";
 // The state that the console tells, on the screen.
 
-const OLD = 4, VERY_OLD = 10; // Seconds from which on the age of the picture is marked.
+const LIMITS = [5, 12.5]; // Before a picture has come: seconds until a thing is old, and very old.
 const NOTE = 20; // Seconds after which a note fades.
 const SLOTS = 120; // Seconds of the plots.
 const SIGNS = { waiting: "○", certain: "●", searching: "◐", lost: "✕" };
@@ -15,6 +15,8 @@ const LABELS = {
 
 const byId = (id) => document.getElementById(id);
 const address = (path) => path + location.search;
+const isView = new URLSearchParams(location.search).has("view");
+const me = Math.random().toString(36).slice(2); // Tells this page's commands from those of others.
 
 let run = null; // Of the console, which this page shows. What another one showed is gone.
 let state = null; // As the console told it last.
@@ -114,18 +116,29 @@ function drawMarks() {
 
 function drawViews() {
   if (!state) return;
-  drawPlan(byId("plan"), images.plan, state.plan);
+  showScale(drawPlan(byId("plan"), images.plan, state.plan));
   drawChase(byId("chase"), images.chase, state.chase);
 }
 
+// A bar of a round length, where the map is drawn at some scale.
+function showScale(scale) {
+  byId("scale").hidden = !scale;
+  if (!scale) return;
+  const unit = state.plan.pixels_per_unit * scale, most = 110 / unit;
+  const power = 10 ** Math.floor(Math.log10(most));
+  const length = [5, 2, 1].map((digit) => digit * power).find((length) => length <= most);
+  byId("scale").style.width = `${length * unit}px`;
+  byId("scale").textContent = `${Number(length.toPrecision(1))} units`;
+}
+
 function drawPlots() {
-  const bytes = state.link.seconds.map(([count]) => count);
+  const bits = state.link.seconds.map(([count]) => count * 8);
   const losses = state.link.seconds.map(([, loss]) => loss);
-  const most = Math.max(...bytes, 1);
+  const most = Math.max(...bits, 8);
   const worst = Math.max(...losses, 0.1);
-  byId("bytes-most").textContent = `up to ${most}`;
-  byId("loss-most").textContent = `up to ${Math.round(worst * 100)} %`;
-  drawBars(byId("bytes-plot"), bytes, most, GOOD, SLOTS);
+  byId("bytes-most").textContent = `· top: ${most}`;
+  byId("loss-most").textContent = `· top: ${Math.round(worst * 100)} %`;
+  drawBars(byId("bytes-plot"), bits, most, GOOD, SLOTS);
   drawBars(byId("loss-plot"), losses, worst, DOUBT, SLOTS);
 }
 
@@ -136,7 +149,10 @@ function showPose(isOld) {
   byId("pose-sign").textContent = isOld ? "?" : SIGNS[pose];
   byId("pose-name").textContent = isOld && pose !== "waiting" ? `was ${NAMES[pose]}` : NAMES[pose];
   byId("pose-label").textContent = isOld ? "nothing new is known" : LABELS[pose];
-  byId("position").textContent = isOld || pose !== "certain" ? "–" : position(state.picture.known);
+  const isKnown = !isOld && pose === "certain";
+  byId("position").textContent = isKnown ? position(state.picture.known) : "–";
+  const { heading } = state.plan;
+  byId("heading").textContent = `heading ${isKnown && heading !== null ? `${Math.round(heading) % 360}°` : "–"}`;
 }
 
 // Within how much the position is known, as standard deviations.
@@ -148,23 +164,35 @@ function position(known) {
 
 const seconds = (value) => (value < 99.95 ? `${value.toFixed(1)} s` : `${Math.round(value)} s`);
 
+// The one rule by which what is shown fades: 1, old; 2, very old, or nobody tells any more. `null`: nothing is shown.
+function levelOf(age) {
+  if (age === null) return 0;
+  const [old, veryOld] = state.picture ? state.picture.limits : LIMITS;
+  return !isConnected || age >= veryOld ? 2 : age >= old ? 1 : 0;
+}
+
+// What the link did of late. Of long ago, it says nothing of now.
+function showLink(isOld) {
+  const { bit_rate: rate, loss, pictures_per_second: pictures, frames } = state.link;
+  byId("rate").textContent = frames === 0 || (isOld && (rate === 0 || !isConnected)) ? "–" : Math.round(rate);
+  byId("loss").textContent = isOld || loss === null ? "–" : `${Math.round(loss * 100)} %`;
+  byId("pictures").textContent = isOld || !state.picture ? "–" : pictures.toFixed(1);
+}
+
 // What goes on between two states: ages.
 function tick() {
   if (!state) return;
   const picture = state.picture;
   const age = picture && picture.age + since();
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
-  const levelOf = (age) => (age < OLD ? 0 : age < VERY_OLD ? 1 : 2);
-  const level = picture ? levelOf(age) : 0;
-  byId("age-box").dataset.level = level;
-  const isOld = level === 2 || !isConnected;
-  showPose(isOld);
-  // All that is drawn or counted is as old as the picture.
-  document.body.classList.toggle("old", isOld);
-  byId("stage").classList.toggle("old", isOld);
   const silence = state.link.silence === null ? null : state.link.silence + since();
   byId("silence").textContent = silence === null ? "–" : seconds(silence);
-  byId("silence-box").dataset.level = silence === null ? 0 : levelOf(silence);
+  const chase = state.chase.age === null ? null : state.chase.age + since();
+  const levels = { picture: levelOf(age), chase: levelOf(chase), link: levelOf(silence) };
+  for (const shown of document.querySelectorAll("[data-age]")) shown.dataset.level = levels[shown.dataset.age];
+  const level = levels.picture;
+  showPose(level === 2);
+  showLink(levels.link === 2);
   byId("note").classList.toggle("faded", performance.now() - noted > NOTE * 1000);
   byId("banner").hidden = isConnected && level < 2 && state.pose !== "lost" && !state.stopped && !state.missing;
   if (!isConnected) byId("banner").textContent = `The console does not answer. Picture: ${seconds(age || 0)} old`;
@@ -180,16 +208,15 @@ function showState() {
   const { link, picture, prior } = state;
   byId("prior").textContent = `· ${prior.file} · ${prior.identity}`;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
-  byId("age-label").textContent = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
-  byId("rate").textContent = Math.round(link.bit_rate);
-  byId("loss").textContent = link.loss === null ? "–" : `${Math.round(link.loss * 100)} %`;
-  byId("pictures").textContent = link.pictures_per_second.toFixed(1);
+  const counted = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
+  const seen = picture && new Date((state.now - picture.age) * 1000).toTimeString().slice(0, 8);
+  byId("age-label").textContent = picture ? `${counted} · seen ${picture.clock ? "" : "before "}${seen}` : counted;
   byId("about").textContent = picture
     ? `frame ${picture.frame} · ${picture.shares[0]} of ${picture.shares[1] ?? "?"} modem frames · ${picture.bytes} bytes` +
       (picture.has_residual ? "" : " · the prior alone, nothing seen by the camera")
     : "";
   byId("link-line").textContent =
-    `${state.source} · ${link.bytes} bytes in ${link.frames} frames, ${link.garbage} of no use · ` +
+    `${state.source} · ${link.bytes} bytes in ${link.frames} modem frames, ${link.garbage} unreadable · ` +
     (link.foreign === null ? "" : `${link.foreign} of strangers, ${link.replayed} replayed · `) +
     (link.reports === null ? "no return channel" : `${link.reports} reports sent`);
   byId("warnings").replaceChildren(...state.warnings.map((text) => {
@@ -197,7 +224,10 @@ function showState() {
     item.textContent = text;
     return item;
   }));
-  if (state.note) note(state.note);
+  const isOthers = state.note_page !== null && state.note_page !== me;
+  if (state.note) note(isOthers ? `another page: ${state.note}` : state.note);
+  const pages = state.pages > 1 ? `${state.pages} pages are open` : "";
+  byId("pages").textContent = [isView ? "this page only looks" : "", pages].filter(Boolean).join(" · ");
   const record = byId("record-button");
   record.setAttribute("aria-pressed", state.recorded !== null);
   record.lastChild.textContent = state.recorded === null ? "ecord" : `ec ${state.recorded}`;
@@ -230,9 +260,11 @@ function connect() {
 }
 
 async function send(path, body) {
+  if (isView) return note("This page only looks: nothing was done.");
   const headers = { "content-type": "application/json" };
   try {
-    const response = await fetch(address(path), { method: "POST", headers, body: JSON.stringify(body) });
+    const options = { method: "POST", headers, body: JSON.stringify({ ...body, page: me }) };
+    const response = await fetch(address(path), options);
     if (!response.ok) note(await response.text());
   } catch {
     note("The console does not answer: nothing was done.");
@@ -258,18 +290,38 @@ function toggle(name) {
   drawMarks();
 }
 
+function togglePath() {
+  toggle("path");
+  const why = state?.pose === "certain" ? "too few poses yet" : "the vehicle is not certain of its pose";
+  if (!state?.path) note(`No path to draw: ${why}.`);
+}
+
+// The picture alone; also if the browser keeps its window.
+function goFull(on) {
+  document.body.classList.toggle("full", on);
+  byId("full-button").setAttribute("aria-pressed", on);
+  const asked = on ? document.documentElement.requestFullscreen?.() : document.fullscreenElement && document.exitFullscreen();
+  if (asked) asked.catch(() => {});
+}
+document.addEventListener("fullscreenchange", () => document.fullscreenElement || goFull(false));
+
+const help = byId("help");
 const commands = {
   o: () => toggle("overlay"),
-  p: () => toggle("path"),
+  p: togglePath,
+  m: () => byId("maps-button").setAttribute("aria-pressed", !document.body.classList.toggle("folded")),
+  f: () => goFull(!document.body.classList.contains("full")),
+  "?": () => (help.open ? help.close() : help.showModal()),
   s: () => send("/snapshot", {}),
   r: () => state && send("/record", { on: state.recorded === null }),
 };
-byId("overlay-button").onclick = commands.o;
-byId("path-button").onclick = commands.p;
-byId("snapshot-button").onclick = commands.s;
-byId("record-button").onclick = commands.r;
+const buttons = { overlay: "o", path: "p", snapshot: "s", record: "r", maps: "m", full: "f", help: "?" };
+for (const [name, key] of Object.entries(buttons)) byId(`${name}-button`).onclick = commands[key];
+document.body.classList.toggle("looks", isView);
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
+  if (help.open && event.key !== "?") return;
+  if (event.key === "Escape" && document.body.classList.contains("full")) return goFull(false);
   const command = commands[event.key.toLowerCase()];
   if (command) command();
   if (command || (state && marker.key(event, state.region))) event.preventDefault();
@@ -304,6 +356,7 @@ function showLegend() {
   }
 }
 
-window.addEventListener("resize", () => { drawPicture(); drawViews(); if (state) drawPlots(); });
+const places = new ResizeObserver(() => { drawPicture(); drawViews(); if (state) drawPlots(); });
+document.querySelectorAll("section").forEach((place) => places.observe(place));
 setInterval(tick, 100);
 connect();

@@ -6,6 +6,7 @@ use nvsprior::residual::Tune;
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{Mode, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, PRIOR, Run};
+use nvsprior_link::age_limit::AgeLimit;
 use nvsprior_link::exposure::{self, EXPOSURE_LEN};
 use nvsprior_link::forth_and_back;
 use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
@@ -76,7 +77,11 @@ impl Link {
         let exposed = number as f64 / FRAME_RATE;
         let frame = &self.frames[forth_and_back(number, FRAMES)];
         let hint = (number == 0).then(|| Hint::of(frame.pose));
-        let user = exposure::written(exposed, ClockSource::Reports);
+        let user = exposure::written(
+            exposed,
+            ClockSource::Reports,
+            AgeLimit::of(&options().sender.control),
+        );
         let taken = CameraFrame {
             number,
             exposed,
@@ -107,6 +112,7 @@ impl Link {
             return;
         }
         assert!(shown.decoded.picture == *expected, "frame {number}");
+        assert_eq!(shown.old, AgeLimit::of(&options().sender.control).seconds());
         self.whole += 1;
     }
 

@@ -6,6 +6,7 @@ use std::net::{TcpStream, UdpSocket};
 use std::sync::mpsc::sync_channel;
 
 use nvsprior::tracking::{FrameInfo, Hint};
+use nvsprior_link::age_limit::AgeLimit;
 use nvsprior_link::exposure::{ClockSource, PERIOD};
 use nvsprior_link::forth_and_back;
 use nvsprior_link::vehicle::{CameraFrame, Vehicle};
@@ -40,7 +41,7 @@ fn recording(engine: &Engine, prior: &Prior) -> Vec<Recorded> {
     let (mut recorded, mut sent) = (Vec::new(), 0);
     for number in 0..(SECONDS * FRAME_RATE) as usize {
         let exposed = number as f64 / FRAME_RATE;
-        let user = exposure::written(START + exposed, ClockSource::Reports);
+        let user = exposure::written(START + exposed, ClockSource::Reports, AgeLimit::UNTOLD);
         let frame = CameraFrame {
             number,
             exposed,
@@ -118,7 +119,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
     let server = Server::bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let (events, _commands) = sync_channel(EVENTS);
     look_on(&server.start(topside.plan_picture(), published, events).unwrap());
-    topside.take(Event::Command(Command::Record(true)));
+    topside.take(Event::Command(Asked { page: None, command: Command::Record(true) }));
     let laps = (HOURS as f64 * 3600.0 / PERIOD).ceil() as usize;
     // By hour: the sum, the least and the most of what was measured, and how often.
     let mut hours = [(0.0, f64::INFINITY, 0.0_f64, 0.0); HOURS];
