@@ -9,8 +9,7 @@ nvsprior=${NVSPRIOR:-${CARGO_TARGET_DIR:-target}/release/nvsprior}
 out=${1:-demo-out}
 page=${PAGE:-127.0.0.1:8080} topside=${TOPSIDE_PORT:-5700} modem=${MODEM_PORT:-5701}
 
-[ -e "$out/prior.ply" ] || "$nvsprior" demo --out "$out" --frames 1
-if ! [ -e "$out/T2/T2/0060.png" ]; then
+if ! [ -e "$out/T2/T2/0060.png" ] || ! [ -e "$out/prior.nvsg" ]; then
     "$nvsprior" demo --run T2 --draw-only --frames 60 --out "$out"
 fi
 
@@ -21,10 +20,10 @@ end() {
 }
 trap end EXIT
 trap 'exit 130' INT TERM
-"$nvsprior" console --prior "$out/prior.ply" --udp "127.0.0.1:$topside" --listen "$page" --keep "$out/kept" &
-"$nvsprior" channel --from "127.0.0.1:$modem" --to "127.0.0.1:$topside" --bit-rate 8000 --loss 0.1 --delay 0.5 &
-"$nvsprior" vehicle --prior "$out/prior.ply" --cameras "$out/T2/cameras.json" --split T2 --to "127.0.0.1:$modem" \
-    --bit-rate 8000 --frame-rate 3 --forth-and-back &
+"$nvsprior" console --prior "$out/prior.nvsg" --udp "127.0.0.1:$topside" --listen "$page" --keep "$out/kept" &
+"$nvsprior" channel --from "127.0.0.1:$modem" --to "127.0.0.1:$topside" --bit-rate 2000 --loss 0.1 --delay 1 &
+"$nvsprior" vehicle --prior "$out/prior.nvsg" --cameras "$out/T2/cameras.json" --split T2 --to "127.0.0.1:$modem" \
+    --bit-rate 2000 --delay 1.5 --latency 3 --frame-rate 3 --forth-and-back &
 wait -n || {
     echo "console.sh: one of the three has ended, as told above, so the others end, too. For other ports:" \
         "make console PAGE=127.0.0.1:8081 TOPSIDE_PORT=5702 MODEM_PORT=5703" >&2

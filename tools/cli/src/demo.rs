@@ -48,7 +48,7 @@ pub struct Args {
     /// Course of the tower's mapping run; both if it is not there
     #[arg(long, value_name = "COURSE", value_enum, requires = "mapping_run")]
     course: Option<CourseArg>,
-    /// Only draws: writes each run's frames and camera file, and opens no device
+    /// Only draws: writes each run's frames and camera file, beside them the basin's prior, and opens no device
     #[arg(long)]
     draw_only: bool,
     #[command(flatten)]
@@ -82,6 +82,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         encode_basin(args, dives)?;
     } else {
         draw_dives(args, &dives)?;
+    }
+    if site == Site::Basin && args.draw_only {
+        let prior = args.out.join("prior.nvsg");
+        nvsprior::prior::replace_file(&prior, nvsprior_basin::PRIOR)?;
+        println!("the prior is {}", prior.display());
     }
     draw_views(args)
 }

@@ -67,7 +67,8 @@ fn the_page_tells_how_fast_it_is(page: &Page, desk: &Desk) {
     assert!(median < 2000.0, "{median} ms");
 }
 
-/// The limits are those of the link that the desk's vehicle is told. 2 · (2 s + 1/3 s + 0.5 s + 64 bytes at 8 kbit/s), rounded up.
+/// The limits are those of the link that the desk's vehicle is told.
+/// 2 · (2 s + 1/3 s + 0.5 s + 64 bytes at 8 kbit/s), rounded up.
 fn each_thing_fades_by_its_own_age(page: &Page) {
     assert_eq!(page.value("state.picture.limits.join()"), "8,20");
     // No state comes in between: what is set stands while one script runs.
