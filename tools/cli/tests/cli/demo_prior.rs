@@ -108,8 +108,9 @@ fn a_run_is_drawn_without_a_device() {
     draw("--out both").ends_with(0);
     draw("--run T1 --width 640 --out wide").ends_with(0);
     let files = |folder: &str| std::fs::read_dir(dive.path(folder)).unwrap().count();
-    assert_eq!((files("plain"), files("plain/T2"), files("plain/T2/T2")), (1, 2, 2));
-    assert_eq!(files("both"), 2);
+    assert_eq!((files("plain"), files("plain/T2"), files("plain/T2/T2")), (2, 2, 2));
+    assert_eq!(dive.bytes("plain/prior.nvsg"), nvsprior_basin::PRIOR);
+    assert_eq!(files("both"), 3);
     assert_eq!(dive.bytes("both/T2/T2/0002.png"), dive.bytes("plain/T2/T2/0002.png"));
     assert_eq!(dive.bytes("fast/T2/T2/0001.png"), dive.bytes("plain/T2/T2/0001.png"));
     assert_ne!(dive.bytes("aged/T4/T4/0001.png"), dive.bytes("mapped/T4/T4/0001.png"));
