@@ -18,6 +18,7 @@ mod serial;
 mod server;
 mod state;
 mod token;
+mod told_before;
 mod topside;
 mod track;
 mod video;

@@ -17,7 +17,7 @@ use super::event::{Arrived, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
-use super::overlay::{MemoryView, Overlay};
+use super::overlay::MemoryView;
 use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
 use super::state::{LinkState, PictureState, PoseState, PriorState, State, clock_name};
@@ -79,7 +79,6 @@ pub struct Topside {
     pictures: Pictures,
     views: SceneViews,
     memory: MemoryView,
-    overlay: Option<Overlay>,
     log: LinkLog,
     /// Who sent the last modem frame that checks vouch for, and when it came.
     peer: Option<SocketAddr>,
@@ -126,7 +125,6 @@ impl Topside {
             )?,
             views,
             memory: MemoryView::new(engine, prior)?,
-            overlay: None,
             log: LinkLog::default(),
             peer: None,
             last_proven: None,
@@ -274,7 +272,7 @@ impl Topside {
             false => self.uncertain_since = None,
         }
         self.views.take(shown);
-        self.overlay = Some(self.memory.overlay(shown)?);
+        self.memory.take(shown)?;
         self.published.picture = png(&shown.decoded.picture)?.into();
         if let Some(chase) = self.views.draw_chase(shown)? {
             self.published.chase = png(chase)?.into();
@@ -346,7 +344,7 @@ impl Topside {
             recorded: self.options.keeper.recorded(),
             note: self.note.clone(),
             warnings: self.warnings(shown),
-            overlay: self.overlay.clone(),
+            overlay: shown.map(|_| self.memory.overlay(now)),
         }
     }
 

@@ -99,9 +99,7 @@ function drawPicture() {
 function drawMarks() {
   const place = begin(byId("marks"));
   const overlay = shows.overlay && state && state.overlay;
-  if (!state) return;
-  showLegend();
-  if (!box) return;
+  if (!state || !box) return;
   if (overlay) drawOverlay(place, box, overlay);
   if (shows.path && state.path) drawPath(place, box, state.path);
   const region = marker.drawn || state.region;
@@ -153,6 +151,7 @@ function tick() {
   if (!state) return;
   const picture = state.picture;
   const age = picture && picture.age + since();
+  showLegend();
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
   const levelOf = (age) => (age < OLD ? 0 : age < VERY_OLD ? 1 : 2);
   const level = picture ? levelOf(age) : 0;
@@ -273,34 +272,42 @@ document.addEventListener("keydown", (event) => {
 });
 
 // What the patterns mean, and how much of the picture has each.
-const legend = LEVELS.filter(Boolean).map((level) => {
+const legend = LEVELS.map((level, number) => {
   const item = document.createElement("span"), swatch = document.createElement("canvas");
   const words = document.createElement("b");
   [swatch.width, swatch.height] = [40, 24];
   const context = swatch.getContext("2d");
-  context.fillStyle = pattern(context, level);
-  context.fillRect(0, 0, swatch.width, swatch.height);
+  if (level.pattern) {
+    context.fillStyle = pattern(context, level);
+    context.fillRect(0, 0, swatch.width, swatch.height);
+  }
   item.append(swatch, words);
-  return { level, item, words };
+  return { level, number, item, words };
 });
 const lacksMap = Object.assign(document.createElement("span"), {
-  className: "lacks", textContent: "no truth map came: all of it is memory",
+  className: "lacks", textContent: "this packet tells nothing of what is as seen",
 });
-byId("legend").append(...legend.map(({ item }) => item), lacksMap);
+const wasSeen = document.createElement("span");
+byId("legend").append(...legend.map(({ item }) => item), wasSeen, lacksMap);
 
 function showLegend() {
   const { overlay, picture } = state;
-  byId("legend").hidden = !shows.overlay || !picture;
+  byId("legend").hidden = !picture;
   lacksMap.hidden = !overlay || overlay.has_map;
-  for (const { level, item, words } of legend) {
-    const count = overlay ? overlay.levels.filter((found) => LEVELS[found] === level).length : 0;
+  if (!overlay || !picture) return;
+  const { levels, told_ago, seen_before, seen_ago } = overlay;
+  const part = (count) => `${Math.round((100 * count) / levels.length)} %`;
+  const ago = (age) => `${picture.clock ? "" : "≥ "}${Math.ceil(age + since())} s ago`;
+  for (const { level, number, item, words } of legend) {
+    const count = levels.filter((found) => found === number).length;
     // Those that the picture does not have are left out: there is little room.
     item.hidden = count === 0;
-    if (!count) continue;
-    words.textContent = `${level.name} ${Math.round((100 * count) / overlay.levels.length)} %`;
+    words.textContent = `${level.name}${level.isTold ? `, told ${ago(told_ago)}` : ""} ${part(count)}`;
   }
 }
 
 window.addEventListener("resize", () => { drawPicture(); drawViews(); if (state) drawPlots(); });
 setInterval(tick, 100);
 connect();
+  wasSeen.hidden = seen_ago === null;
+  wasSeen.textContent = `of memory, ${part(seen_before)} was as seen ${ago(seen_ago)}`;
