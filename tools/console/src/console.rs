@@ -3,6 +3,7 @@
 mod canvas;
 mod chase_view;
 mod clock;
+mod disk;
 mod event;
 mod framed;
 mod input;
@@ -122,6 +123,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         clock: source.clock(),
         return_path: source.return_path()?,
         keeper: Keeper::new(args.keep.clone()),
+        records: false,
         video: video.map(|target| target.start(source.clock())).transpose()?,
         filter: args.filter.on(&engine),
         keys,

@@ -100,6 +100,8 @@ impl Desk {
         }
         let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors/prior.ply");
         std::fs::copy(vectors, folder().join("other.ply")).unwrap();
+        // That site's console has no folder to write to: a file has its name.
+        std::fs::write(folder().join("other.ply.kept"), "").unwrap();
         if !folder().join(format!("T2/T2/{FRAMES:04}.png")).exists() {
             run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out ."));
         }
@@ -153,7 +155,7 @@ impl Desk {
 }
 
 fn console(prior: &str, page: &str, udp: &str) -> (Program, String, String) {
-    let args = format!("console --prior {prior} --keep kept --listen {page} --udp {udp}");
+    let args = format!("console --prior {prior} --keep {prior}.kept --listen {page} --udp {udp}");
     let (program, _) = Program::start(&args);
     let line = program.says("console: ");
     (program, behind(&line, " on ").to_owned(), behind(&line, "UDP ").to_owned())

@@ -26,6 +26,7 @@ fn the_page_follows_a_dive() {
     the_overlay_lies_over_the_new_object(&page, &mut desk);
     what_was_told_holds(&page);
     nothing_of_another_run_stays(&page, &mut desk);
+    an_alarm_stays_until_it_is_seen(&page);
 }
 
 fn pictures_come_and_change(page: &Page) {
@@ -88,7 +89,12 @@ fn keys_do_what_the_page_says(page: &Page) {
     page.key("s");
     page.until("a snapshot", "/^\\d\\d:\\d\\d:\\d\\d snapshot: /.test(byId('note').textContent)");
     page.key("r");
-    page.until("a recording", "state.recorded > 0");
+    page.until("a recording", "state.recorded && state.recorded.frames > 0");
+    page.until(
+        "its length beside the room on the disk",
+        "/^Rec 00:0\\d:\\d\\d, \\d+\\.\\d MB$/.test(byId('record-button').textContent)
+            && /^\\d+\\.\\d [MG]B free$/.test(byId('free').textContent)",
+    );
     page.key("r");
     page.until("its end", "state.recorded === null");
 }
@@ -263,4 +269,15 @@ fn nothing_of_another_run_stays(page: &Page, desk: &mut Desk) {
     assert_ne!(page.number("checksum(byId('plan'))"), map);
     assert!(page.text("prior").starts_with("· other.ply · "), "{}", page.text("prior"));
     page.save("another-run");
+}
+
+/// The other site's console cannot record.
+fn an_alarm_stays_until_it_is_seen(page: &Page) {
+    page.key("r");
+    page.until("an alarm", "byId('alarms').textContent.includes('failed: ')");
+    page.key("o");
+    page.until("time", &format!("state.now > {} + 1", page.number("state.now")));
+    assert_eq!(page.number("byId('alarms').children.length"), 1.0);
+    page.key("a");
+    page.until("nothing", "state.alarms.length === 1 && byId('alarms').children.length === 0");
 }

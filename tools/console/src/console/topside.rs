@@ -13,6 +13,7 @@ use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
 
 use super::clock::Clock;
+use super::disk;
 use super::event::{Arrived, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
@@ -20,7 +21,7 @@ use super::link_log::LinkLog;
 use super::overlay::MemoryView;
 use super::pictures::{Pictures, Shown, Worth};
 use super::scene_views::SceneViews;
-use super::state::{LinkState, PictureState, PoseState, PriorState, State, clock_name};
+use super::state::{Alarm, LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
 use crate::key_state::KeyState;
 
@@ -32,6 +33,8 @@ pub struct TopsideOptions {
     pub clock: Clock,
     pub return_path: ReturnPath,
     pub keeper: Keeper,
+    /// The console recorded when it ended: it goes on, in a new file.
+    pub records: bool,
     pub video: Option<Video>,
     /// Pictures go through the display filter.
     pub filter: bool,
@@ -65,6 +68,8 @@ const PATIENCE: f64 = 60.0;
 const SEARCHING: f64 = 3.0;
 /// Modem frames without the right tag, and none with it, after which something must be wrong.
 const STRANGERS: u64 = 20;
+/// The newest so many are kept.
+const ALARMS: usize = 8;
 /// The page is told at least so often.
 const TICK: Duration = Duration::from_millis(250);
 /// Events that are dealt with before the page is told.
@@ -89,6 +94,7 @@ pub struct Topside {
     region: Option<Region>,
     reported: f64,
     note: Option<String>,
+    alarms: Vec<Alarm>,
     portable: bool,
     publisher: watch::Sender<Published>,
     published: Published,
@@ -134,13 +140,26 @@ impl Topside {
             region: None,
             reported: f64::MIN,
             note: None,
+            alarms: Vec::new(),
             portable: engine.device().portable,
             publisher,
             published: Published::none(),
             options,
         };
+        if topside.options.records {
+            // Between the two files something is missing, and the pilot is to know.
+            let done = topside.obey(Command::Record(true));
+            let done = done.unwrap_or_else(|error| format!("the recording has ended: {error}"));
+            topside.alarm(format!("the console was started again: {done}"));
+        }
         topside.publish()?;
         Ok((topside, receiver))
+    }
+
+    fn alarm(&mut self, text: String) {
+        self.alarms.push(Alarm { time: self.now(), text });
+        let spare = self.alarms.len().saturating_sub(ALARMS);
+        self.alarms.drain(..spare);
     }
 
     pub fn source(&self) -> &str {
@@ -207,10 +226,10 @@ impl Topside {
             Event::Arrived(arrived) => self.take_frame(&arrived),
             Event::Stopped(why) => self.stopped = Some(why),
             Event::Resumed => self.stopped = None,
-            Event::Command(command) => {
-                let note = self.obey(command);
-                self.note = Some(note.unwrap_or_else(|error| format!("failed: {error}")));
-            }
+            Event::Command(command) => match self.obey(command) {
+                Ok(note) => self.note = Some(note),
+                Err(error) => self.alarm(format!("failed: {error}")),
+            },
         }
     }
 
@@ -221,7 +240,7 @@ impl Topside {
         self.counts.frames += 1;
         self.log.came(*time, bytes.len());
         if let Err(error) = self.options.keeper.keep(*time, bytes) {
-            self.note = Some(format!("the recording has ended: {error}"));
+            self.alarm(format!("the recording has ended: {error}"));
         }
         match worth {
             Worth::Garbage => self.counts.garbage += 1,
@@ -305,7 +324,7 @@ impl Topside {
         let now = self.now();
         self.log.count(now, self.pictures.statistics());
         if let Err(error) = self.options.keeper.flush() {
-            self.note = Some(format!("the recording has ended: {error}"));
+            self.alarm(format!("the recording has ended: {error}"));
         }
         let state = self.state(now);
         if let Some((video, shown)) = self.options.video.as_ref().zip(self.pictures.shown()) {
@@ -321,6 +340,10 @@ impl Topside {
         let shown = self.pictures.shown();
         let uncertain_for = self.uncertain_since.map_or(0.0, |since| now - since);
         let views = self.views.state(now, shown);
+        let keeper = &self.options.keeper;
+        let (recorded, free) = (keeper.recorded(now), keeper.free());
+        let mut warnings = self.warnings(shown);
+        warnings.extend(free.and_then(|free| disk::warning(free, recorded.as_ref())));
         State {
             run: self.run.clone(),
             prior: self.prior.clone(),
@@ -341,9 +364,11 @@ impl Topside {
             chase: views.chase,
             path: views.path,
             region: self.region.map(|region| region.edges.map(|edge| f64::from(edge) / 255.0)),
-            recorded: self.options.keeper.recorded(),
+            free,
             note: self.note.clone(),
-            warnings: self.warnings(shown),
+            recorded,
+            warnings,
+            alarms: self.alarms.clone(),
             overlay: shown.map(|_| self.memory.overlay(now)),
         }
     }

@@ -42,17 +42,19 @@ function forget(name) {
   [images[name], loaded[name]] = [null, null];
 }
 
+const timeOfDay = (utc) => new Date(utc * 1000).toTimeString().slice(0, 8);
+let seen = 0; // Until when the pilot has seen the alarms, UTC of the console.
 let noted = 0; // When the last note came, milliseconds of this page's clock.
 
 // What a command came to, with the time of day.
 function note(text) {
   noted = performance.now();
-  byId("note").textContent = text && `${new Date().toTimeString().slice(0, 8)} ${text}`;
+  byId("note").textContent = text && `${timeOfDay(Date.now() / 1000)} ${text}`;
 }
 
 // Nothing that an ended run of the console has shown stays.
 function beginRun(next) {
-  run = next;
+  [run, seen] = [next, 0];
   Object.keys(images).forEach(forget);
   note("");
 }
@@ -149,9 +151,9 @@ const seconds = (value) => (value < 99.95 ? `${value.toFixed(1)} s` : `${Math.ro
 // What goes on between two states: ages.
 function tick() {
   if (!state) return;
+  showLegend();
   const picture = state.picture;
   const age = picture && picture.age + since();
-  showLegend();
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
   const levelOf = (age) => (age < OLD ? 0 : age < VERY_OLD ? 1 : 2);
   const level = picture ? levelOf(age) : 0;
@@ -194,9 +196,32 @@ function showState() {
     return item;
   }));
   if (state.note) note(state.note);
-  const record = byId("record-button");
-  record.setAttribute("aria-pressed", state.recorded !== null);
-  record.lastChild.textContent = state.recorded === null ? "ecord" : `ec ${state.recorded}`;
+  showAlarms();
+  showRecording();
+}
+
+// Alarms stay until they are seen, on each page for itself: another pilot's click is not this one's.
+function showAlarms() {
+  byId("alarms").replaceChildren(...state.alarms.filter(({ time }) => time > seen).map(({ time, text }) =>
+    Object.assign(document.createElement("li"), { textContent: `${timeOfDay(time)} ${text}` })));
+}
+
+function sawAlarms() {
+  seen = state ? state.now : 0;
+  if (state) showAlarms();
+}
+
+const megabytes = (bytes) => (bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(1)} GB`);
+
+function showRecording() {
+  const { recorded, free } = state;
+  const button = byId("record-button");
+  const digits = (part) => String(Math.floor(part)).padStart(2, "0");
+  const clock = (time) => [time / 3600, (time / 60) % 60, time % 60].map(digits).join(":");
+  button.setAttribute("aria-pressed", recorded !== null);
+  button.lastChild.textContent = recorded
+    ? `ec ${clock(recorded.seconds)}, ${megabytes(recorded.bytes)}` : "ecord";
+  byId("free").textContent = free === null ? "" : `${megabytes(free)} free`;
 }
 
 function connect() {
@@ -258,12 +283,14 @@ const commands = {
   o: () => toggle("overlay"),
   p: () => toggle("path"),
   s: () => send("/snapshot", {}),
+  a: sawAlarms,
   r: () => state && send("/record", { on: state.recorded === null }),
 };
 byId("overlay-button").onclick = commands.o;
 byId("path-button").onclick = commands.p;
 byId("snapshot-button").onclick = commands.s;
 byId("record-button").onclick = commands.r;
+byId("alarms").onclick = sawAlarms;
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   const command = commands[event.key.toLowerCase()];
@@ -304,10 +331,10 @@ function showLegend() {
     item.hidden = count === 0;
     words.textContent = `${level.name}${level.isTold ? `, told ${ago(told_ago)}` : ""} ${part(count)}`;
   }
+  wasSeen.hidden = seen_ago === null;
+  wasSeen.textContent = `of memory, ${part(seen_before)} was as seen ${ago(seen_ago)}`;
 }
 
 window.addEventListener("resize", () => { drawPicture(); drawViews(); if (state) drawPlots(); });
 setInterval(tick, 100);
 connect();
-  wasSeen.hidden = seen_ago === null;
-  wasSeen.textContent = `of memory, ${part(seen_before)} was as seen ${ago(seen_ago)}`;

@@ -105,6 +105,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         clock: Clock::of_recording(START, 0.0),
         return_path: ReturnPath::Udp(socket),
         keeper: Keeper::new(folder.path().into()),
+        records: true,
         video: None,
         filter: true,
         keys: None,
@@ -114,7 +115,6 @@ fn memory_is_flat_over_eight_hours_of_packets() {
     let server = Server::bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let (events, _commands) = sync_channel(EVENTS);
     look_on(&server.start(topside.plan_picture(), published, events).unwrap());
-    topside.take(Event::Command(Command::Record(true)));
     let laps = (HOURS as f64 * 3600.0 / PERIOD).ceil() as usize;
     // By hour: the sum, the least and the most of what was measured, and how often.
     let mut hours = [(0.0, f64::INFINITY, 0.0_f64, 0.0); HOURS];
