@@ -4,6 +4,7 @@
 
 mod desk;
 mod page;
+mod walk;
 
 use std::time::Duration;
 
