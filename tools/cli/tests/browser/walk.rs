@@ -31,8 +31,8 @@ const SEEN: &str = "JSON.stringify({
 struct Walk {
     desk: Desk,
     page: Page,
-    /// When vehicles began and ended: each counts its frames from its start on.
-    lives: Vec<(Instant, Option<Instant>)>,
+    /// When vehicles began: each counts its frames from then on.
+    began: Vec<Instant>,
     /// When each picture was exposed at the latest: by run of the console, and number.
     exposed: BTreeMap<(String, u64), Instant>,
     maps: BTreeMap<&'static str, Value>,
@@ -55,9 +55,10 @@ fn nothing_passes_for_newer_or_for_another_place() {
     let (mut random, desk) = (Random::new(seed as u64), Desk::start());
     desk.make_key("stranger.key");
     let (page, now) = (Page::open(&desk.page), Instant::now());
-    let (lives, exposed, maps) = Default::default();
-    let (prior, touched, settled, calm) = (Some("prior.ply"), now, now, Some(now));
-    let mut walk = Walk { desk, page, lives, exposed, maps, prior, touched, settled, calm };
+    let (began, exposed, maps) = Default::default();
+    let (prior, calm) = (Some("prior.ply"), Some(now));
+    let mut walk =
+        Walk { desk, page, began, exposed, maps, prior, touched: now, settled: now, calm };
     walk.look_for(HEALED + 5.0);
     while now.elapsed().as_secs_f64() < 60.0 * minutes {
         let (step, wait) = (random.within(0.0, 7.0) as usize, f64::from(random.within(0.0, 9.0)));
@@ -83,7 +84,6 @@ impl Walk {
             }
             3 => {
                 self.desk.stop_vehicle();
-                self.lives.iter_mut().for_each(|(_, end)| _ = end.get_or_insert(Instant::now()));
                 self.look_for(wait);
                 self.desk.restart_vehicle(8000);
             }
@@ -108,7 +108,7 @@ impl Walk {
         let start = Instant::now();
         while start.elapsed().as_secs_f64() < seconds {
             std::thread::sleep(Duration::from_millis(500));
-            self.lives.extend(self.desk.vehicle_began().map(|began| (began, None)));
+            self.began.extend(self.desk.vehicle_began());
             let now = Instant::now();
             let seen = serde_json::from_str(self.page.value(SEEN).as_str().unwrap()).unwrap();
             if let Some(fault) = self.fault(&seen, now) {
@@ -149,7 +149,7 @@ impl Walk {
     fn is_map_of_others(&mut self, seen: &Value, is_late: bool) -> bool {
         let Some(prior) = self.prior.filter(|_| seen["isConnected"] == true) else { return false };
         let map = &seen["map"];
-        if map.is_null() || seen["prior"] != prior {
+        if seen["prior"] != prior || map.is_null() {
             return is_late && seen["prior"] != prior;
         }
         self.maps.entry(prior).or_insert_with(|| map.clone()) != map
@@ -160,14 +160,10 @@ impl Walk {
     /// vehicle that was is settled as the picture is first seen.
     fn exposed(&mut self, seen: &Value, now: Instant) -> Option<Instant> {
         let after = |frames| Duration::from_secs_f64(frames as f64 / FRAMES_PER_SECOND);
-        let (number, frame) =
-            (seen["picture"]["number"].as_u64()?, seen["picture"]["frame"].as_u64()?);
-        let picture = (seen["run"].to_string(), number);
+        let [number, frame] = ["number", "frame"].map(|what| seen["picture"][what].as_u64());
+        let (picture, frame) = ((seen["run"].to_string(), number?), frame?);
         if !self.exposed.contains_key(&picture) {
-            let is_of = |(began, ended): &&(Instant, Option<Instant>)| {
-                *began + after(frame) <= ended.unwrap_or(now)
-            };
-            let (began, _) = self.lives.iter().rev().find(is_of)?;
+            let began = self.began.iter().rev().find(|began| **began + after(frame) <= now)?;
             self.exposed.insert(picture.clone(), *began + after(frame + 1));
         }
         self.exposed.get(&picture).copied()

@@ -100,7 +100,10 @@ function pattern(context, { colour, pattern: kind }) {
     ink.fillStyle = colour;
     ink.fillRect(5, 5, 5, 5);
   }
-  if (kind === "rings") ink.strokeRect(4, 4, 6, 6);
+  if (kind === "rings") {
+    ink.lineWidth = 1.25;
+    ink.strokeRect(4, 4, 6, 6);
+  }
   if (kind === "bars") ink.fillRect(0, 4, TILE, 6);
   // Beyond the tile's edges, so that lines go on from tile to tile.
   const rising = [-1, 0, 1].map((k) => [k * TILE, TILE, (k + 1) * TILE, 0]);

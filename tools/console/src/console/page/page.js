@@ -323,7 +323,7 @@ function showLegend() {
   lacksMap.hidden = !overlay || overlay.has_map;
   if (!overlay || !picture) return;
   const { levels, told_ago, seen_before, seen_ago } = overlay;
-  const part = (count) => `${Math.round((100 * count) / levels.length)} %`;
+  const part = (count) => `${Math.max(Math.round((100 * count) / levels.length), 1)} %`;
   const ago = (age) => `${picture.clock ? "" : "≥ "}${Math.ceil(age + since())} s ago`;
   for (const { level, number, item, words } of legend) {
     const count = levels.filter((found) => found === number).length;
