@@ -9,8 +9,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 # What every command that builds the tests' profile names: cargo builds crates anew for another choice of packages.
 ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
-.PHONY: help demo console console-test console-soak demo-prior tower-prior ageing calibration quick test long-test \
-	other-devices gst gst-test c-test c-test-memory \
+.PHONY: help demo console console-test console-walk console-soak demo-prior tower-prior ageing calibration quick test \
+	long-test other-devices gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
 	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables \
@@ -20,6 +20,7 @@ help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
 	@echo "make console        vehicle, channel and the pilot's page, on the demo's frames: docs/console.md"
 	@echo "make console-test   that page in headless Chromium; RENEW=1 renews the pictures in docs/console/"
+	@echo "make console-walk   the page while programs are killed, keys and priors are wrong: 30 minutes; SEED, MINUTES"
 	@echo "make console-soak   eight hours of packets through the console, in fast motion: is its memory flat?"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make tower-prior    a prior of the tower in black water, from M4: COURSE=approach|arcs|both, LENS=33|80"
@@ -84,6 +85,10 @@ console:
 console-test:
 	@scripts/setup.sh run browser
 	cargo test --release -p nvsprior-cli --features browser --test browser -- --nocapture
+
+console-walk:
+	@scripts/setup.sh run browser
+	cargo test --release -p nvsprior-cli --features browser --test browser -- --ignored --nocapture walk
 
 console-soak:
 	@scripts/setup.sh run

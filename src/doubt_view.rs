@@ -31,6 +31,8 @@ pub struct DoubtMap {
     pub levels: Vec<u8>,
     /// The error that each block is expected to have, RMS of 255. If nothing is mapped there, that of what is.
     pub expected: Vec<f32>,
+    /// The mean depth of what each block shows, in the prior's unit. If nothing is mapped there, it is not finite.
+    pub depths: Vec<f32>,
 }
 
 /// Pixels of a block that one of the drawn picture stands for, along a side.
@@ -72,6 +74,7 @@ impl DoubtView {
         (map.columns, map.rows) = (columns, rows);
         map.levels.clear();
         map.expected.clear();
+        map.depths.clear();
         let side = (BLOCK / FACTOR) as usize;
         for row in picture.chunks(side * width * FLOATS).take(rows as usize) {
             for column in 0..columns as usize {
@@ -80,9 +83,10 @@ impl DoubtView {
                     let end = ((column + 1) * side).min(width);
                     line[(column * side).min(end) * FLOATS..end * FLOATS].chunks_exact(FLOATS)
                 });
-                let (level, expected) = judged(of_block);
+                let (level, expected, depth) = judged(of_block);
                 map.levels.push(level as u8);
                 map.expected.push(expected);
+                map.depths.push(depth);
             }
         }
         Ok(())
@@ -92,11 +96,12 @@ impl DoubtView {
 /// Numbers of a drawn pixel: three colours, depth, transmittance.
 const FLOATS: usize = 5;
 
-/// What is known of a block, of its pixels.
-fn judged<'a>(pixels: impl Iterator<Item = &'a [f32]>) -> (DoubtLevel, f32) {
-    let (mut doubt, mut covered, mut count) = (0.0, 0.0, 0.0);
+/// What is known of a block, of its pixels, the error that is expected, and the depth.
+fn judged<'a>(pixels: impl Iterator<Item = &'a [f32]>) -> (DoubtLevel, f32, f32) {
+    let (mut doubt, mut depth, mut covered, mut count) = (0.0, 0.0, 0.0, 0.0);
     for pixel in pixels {
         doubt += 255.0 * pixel[0];
+        depth += pixel[3];
         covered += 1.0 - pixel[4];
         count += 1.0;
     }
@@ -107,7 +112,7 @@ fn judged<'a>(pixels: impl Iterator<Item = &'a [f32]>) -> (DoubtLevel, f32) {
         () if expected > DOUBTFUL => DoubtLevel::Doubtful,
         () => DoubtLevel::Sure,
     };
-    (level, expected)
+    (level, expected, depth / covered)
 }
 
 /// The prior with its doubt as colours, on black.

@@ -3,6 +3,7 @@
 mod canvas;
 mod chase_view;
 mod clock;
+mod disk;
 mod event;
 mod framed;
 mod input;
@@ -20,6 +21,7 @@ mod serial;
 mod server;
 mod state;
 mod token;
+mod told_before;
 mod topside;
 mod track;
 mod video;

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const FRAMES: usize = 60;
-const FRAMES_PER_SECOND: f64 = 3.0;
+pub const FRAMES_PER_SECOND: f64 = 3.0;
 const SIZE: (u32, u32) = (320, 180);
 
 /// Bits per second of the vehicle's link.
@@ -26,7 +26,8 @@ pub enum Water {
 /// A program that ends when it is dropped.
 struct Program {
     child: Child,
-    lines: Receiver<String>,
+    /// What it says, and when.
+    lines: Receiver<(Instant, String)>,
 }
 
 impl Drop for Program {
@@ -48,7 +49,10 @@ impl Program {
         let output = BufReader::new(child.stdout.take().unwrap());
         let (sender, lines) = channel();
         std::thread::spawn(move || {
-            output.lines().map_while(Result::ok).try_for_each(|line| sender.send(line))
+            output
+                .lines()
+                .map_while(Result::ok)
+                .try_for_each(|line| sender.send((Instant::now(), line)))
         });
         let input = child.stdin.take().unwrap();
         (Program { child, lines }, input)
@@ -58,7 +62,7 @@ impl Program {
     fn says(&self, text: &str) -> String {
         loop {
             let line = self.lines.recv_timeout(Duration::from_secs(90));
-            let line = line.unwrap_or_else(|_| panic!("nobody said {text:?}"));
+            let (_, line) = line.unwrap_or_else(|_| panic!("nobody said {text:?}"));
             if line.contains(text) {
                 return line;
             }
@@ -68,7 +72,7 @@ impl Program {
 
 pub struct Desk {
     console: Option<Program>,
-    vehicle: Program,
+    vehicle: Option<Program>,
     channel: Option<Program>,
     pub page: String,
     udp: String,
@@ -100,17 +104,16 @@ impl Desk {
         }
         let vectors = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/vectors/prior.ply");
         std::fs::copy(vectors, folder().join("other.ply")).unwrap();
+        // That site's console has no folder to write to: a file has its name.
+        std::fs::write(folder().join("other.ply.kept"), "").unwrap();
         if !folder().join(format!("T2/T2/{FRAMES:04}.png")).exists() {
             run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out ."));
         }
         let (console, page, udp) = console("prior.ply", "127.0.0.1:0", "127.0.0.1:0");
-        let link = format!(
-            "channel --from 127.0.0.1:0 --to {udp} --bit-rate {BIT_RATE} --loss 0.1 --delay 0.5"
-        );
-        let (channel, _) = Program::start(&link);
+        let channel = link("127.0.0.1:0", &udp);
         let modem = behind(&channel.says("channel: "), "from ").to_owned();
         let water = Arc::new(Mutex::new(Water::Clear));
-        let vehicle = vehicle(&modem, BIT_RATE, &water);
+        let vehicle = Some(vehicle(&modem, BIT_RATE, &water));
         Desk { console: Some(console), vehicle, channel: Some(channel), page, udp, modem, water }
     }
 
@@ -120,11 +123,21 @@ impl Desk {
 
     /// Starts the vehicle anew, with another bit rate.
     pub fn restart_vehicle(&mut self, bit_rate: u32) {
-        self.vehicle = vehicle(&self.modem, bit_rate, &self.water);
+        self.vehicle = Some(vehicle(&self.modem, bit_rate, &self.water));
+    }
+
+    pub fn stop_vehicle(&mut self) {
+        self.vehicle = None;
     }
 
     pub fn vehicle_says(&self, text: &str) {
-        self.vehicle.says(text);
+        self.vehicle.as_ref().unwrap().says(text);
+    }
+
+    /// When the vehicle began to send, if it has said so since this was asked last.
+    pub fn vehicle_began(&self) -> Option<Instant> {
+        let mut said = self.vehicle.as_ref()?.lines.try_iter();
+        said.find(|(_, line)| line.contains("bit/s to")).map(|(when, _)| when)
     }
 
     pub fn stop_console(&mut self) {
@@ -137,9 +150,37 @@ impl Desk {
         self.console = Some(console(prior, page, &self.udp).0);
     }
 
+    /// The same, without waiting for it, and with more arguments.
+    pub fn begin_console(&mut self, prior: &str, more: &str) {
+        let page = self.page.trim_start_matches("http://").trim_end_matches('/');
+        self.console = Some(Program::start(&console_line(prior, page, &self.udp, more)).0);
+    }
+
+    /// Makes a key that the vehicle does not have.
+    pub fn make_key(&self, name: &str) {
+        let _ = std::fs::remove_file(folder().join(name));
+        drop(Program::start(&format!("key --out {name}")).0.child.wait());
+    }
+
     /// What the vehicle sends no longer arrives.
     pub fn cut_the_link(&mut self) {
         self.channel = None;
+    }
+
+    pub fn mend_the_link(&mut self) {
+        self.channel = Some(link(&self.modem, &self.udp));
+    }
+
+    /// Garbage, from nobody: a lot to the console, a little to the modem, whose link is slow.
+    pub fn flood(&self) {
+        let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        for k in 0..2000_usize {
+            let garbage: Vec<u8> = (0..k % 80).map(|at| (at * k) as u8).collect();
+            let _ = socket.send_to(&garbage, &self.udp);
+            if k % 100 == 0 {
+                let _ = socket.send_to(&garbage, &self.modem);
+            }
+        }
     }
 
     /// Processor time that the console has taken, seconds.
@@ -152,9 +193,17 @@ impl Desk {
     }
 }
 
+fn console_line(prior: &str, page: &str, udp: &str, more: &str) -> String {
+    format!("console --prior {prior} --keep {prior}.kept --listen {page} --udp {udp} {more}")
+}
+
+fn link(from: &str, to: &str) -> Program {
+    let sends = format!("channel --from {from} --to {to}");
+    Program::start(&format!("{sends} --bit-rate {BIT_RATE} --loss 0.1 --delay 0.5")).0
+}
+
 fn console(prior: &str, page: &str, udp: &str) -> (Program, String, String) {
-    let args = format!("console --prior {prior} --keep kept --listen {page} --udp {udp}");
-    let (program, _) = Program::start(&args);
+    let (program, _) = Program::start(&console_line(prior, page, udp, ""));
     let line = program.says("console: ");
     (program, behind(&line, " on ").to_owned(), behind(&line, "UDP ").to_owned())
 }

@@ -4,6 +4,7 @@
 
 mod desk;
 mod page;
+mod walk;
 
 use std::time::Duration;
 
@@ -28,7 +29,9 @@ fn the_page_follows_a_dive() {
     silence_is_told_and_the_page_recovers(&page, &mut desk);
     it_fits_a_tablet(&page);
     the_overlay_lies_over_the_new_object(&page, &mut desk);
+    what_was_told_holds(&page);
     nothing_of_another_run_stays(&page, &mut desk);
+    an_alarm_stays_until_it_is_seen(&page);
 }
 
 fn pictures_come_and_change(page: &Page) {
@@ -176,7 +179,12 @@ fn keys_do_what_the_page_says(page: &Page) {
     page.key("s");
     page.until("a snapshot", "/^\\d\\d:\\d\\d:\\d\\d snapshot: /.test(byId('note').textContent)");
     page.key("r");
-    page.until("a recording", "state.recorded > 0");
+    page.until("a recording", "state.recorded && state.recorded.frames > 0");
+    page.until(
+        "its length beside the room on the disk",
+        "/^Rec 00:0\\d:\\d\\d, \\d+\\.\\d MB$/.test(byId('record-button').textContent)
+            && /^\\d+\\.\\d [MG]B free$/.test(byId('free').textContent)",
+    );
     page.key("r");
     page.until("its end", "state.recorded === null");
 }
@@ -184,7 +192,7 @@ fn keys_do_what_the_page_says(page: &Page) {
 /// Each level is told by a pattern: in grey, too, no two look alike.
 fn the_overlay_has_patterns(page: &Page) {
     let kinds = page.number(
-        "new Set(LEVELS.filter(Boolean).map((level) => {
+        "new Set(LEVELS.filter((level) => level.pattern).map((level) => {
             const canvas = document.createElement('canvas');
             [canvas.width, canvas.height] = [40, 40];
             const ink = canvas.getContext('2d');
@@ -194,7 +202,24 @@ fn the_overlay_has_patterns(page: &Page) {
             return alpha.map((value) => value > 128).join();
         })).size",
     );
-    assert_eq!(kinds, 5.0);
+    assert_eq!(kinds, 7.0);
+    // One colour means one thing.
+    assert!(page.is("LEVELS.every(({ colour }) => ![GOOD, DOUBT, BAD].includes(colour))"));
+}
+
+/// What a packet has no room to tell, and was told just before, holds; with `O`, the legend stays.
+fn what_was_told_holds(page: &Page) {
+    let held = "state.overlay && !state.overlay.has_map && state.overlay.told_ago > 0
+        && state.overlay.levels.some((level) => level > 5)
+        && !state.overlay.levels.includes(0)
+        && legend.some(({ item, words }) =>
+            !item.hidden && /^(differs|wrong), told (≥ )?\\d+ s ago \\d+ %$/.test(words.textContent))
+        && !wasSeen.hidden && /^of memory, \\d+ % was as seen/.test(wasSeen.textContent)";
+    page.until("a packet without a map", held);
+    page.save("held");
+    page.key("o");
+    page.until("the same, without patterns", &format!("{held} && !byId('legend').hidden"));
+    page.key("o");
 }
 
 fn silt_makes_it_lost(page: &Page, desk: &Desk) {
@@ -358,4 +383,15 @@ fn nothing_of_another_run_stays(page: &Page, desk: &mut Desk) {
     assert_ne!(page.number("checksum(byId('plan'))"), map);
     assert!(page.text("prior").starts_with("· other.ply · "), "{}", page.text("prior"));
     page.save("another-run");
+}
+
+/// The other site's console cannot record.
+fn an_alarm_stays_until_it_is_seen(page: &Page) {
+    page.key("r");
+    page.until("an alarm", "byId('alarms').textContent.includes('failed: ')");
+    page.key("o");
+    page.until("time", &format!("state.now > {} + 1", page.number("state.now")));
+    assert_eq!(page.number("byId('alarms').children.length"), 1.0);
+    page.key("a");
+    page.until("nothing", "state.alarms.length === 1 && byId('alarms').children.length === 0");
 }

@@ -34,7 +34,12 @@ impl Drop for Running {
 
 impl Running {
     fn start(dive: &Dive, args: &str) -> Running {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
+        Running::by(&mut Command::new(env!("CARGO_BIN_EXE_nvsprior")), dive, args)
+    }
+
+    /// Starts a program that takes the arguments.
+    fn by(command: &mut Command, dive: &Dive, args: &str) -> Running {
+        let mut child = command
             .args(args.split_whitespace())
             .current_dir(dive.path(""))
             .stdin(Stdio::piped())
@@ -77,8 +82,12 @@ struct Console {
 
 impl Console {
     fn start(dive: &Dive, source: &str) -> Console {
+        Console::by(&mut Command::new(env!("CARGO_BIN_EXE_nvsprior")), dive, source)
+    }
+
+    fn by(command: &mut Command, dive: &Dive, source: &str) -> Console {
         let args = format!("console --prior prior.ply --listen 127.0.0.1:0 --keep kept {source}");
-        let mut running = Running::start(dive, &args);
+        let mut running = Running::by(command, dive, &args);
         let line = running.line_with(" on http");
         let page = behind(&line, " on ").trim_end_matches('/').to_owned();
         let udp =
@@ -297,12 +306,13 @@ fn a_console_that_is_started_again_goes_on() {
     assert_eq!(first.post("/region", &json!({ "parts": [0.5, 0.25, 0.75, 0.5] })), 202);
     assert_eq!(first.post("/record", &json!({ "on": true })), 202);
     vehicle.line_with("a region of interest");
-    let before = first.until("a recording", |state| state["recorded"].as_u64() >= Some(3));
+    let before =
+        first.until("a recording", |state| state["recorded"]["frames"].as_u64() >= Some(3));
     drop(first);
     let again = Console::start(&dive, &format!("--udp {at} --log console.jsonl"));
     let state = again.state();
     assert_eq!(state["region"], before["region"]);
-    assert!(state["recorded"].is_u64(), "{state:#}");
+    assert!(state["recorded"].is_object(), "{state:#}");
     again.until("a whole picture", |state| state["picture"]["has_residual"] == true);
     drop(again);
     // What was kept is gone: the vehicle tells once more what its packets are about.
@@ -415,7 +425,7 @@ fn a_dive_is_kept_and_played_again() {
     let _vehicle = vehicle(&dive, &console.udp, "--forth-and-back");
     console.until_picture(3);
     assert_eq!(console.post("/snapshot", &json!({})), 202);
-    console.until("a recording", |state| state["recorded"].as_u64() >= Some(40));
+    console.until("a recording", |state| state["recorded"]["frames"].as_u64() >= Some(40));
     assert_eq!(console.post("/record", &json!({ "on": false })), 202);
     console.until("its end", |state| state["recorded"].is_null());
     drop(console);
@@ -439,6 +449,38 @@ fn a_dive_is_kept_and_played_again() {
     assert!(state["picture"]["number"].as_u64() > Some(0), "{state:#}");
     assert_eq!(state["link"]["garbage"], 0, "{state:#}");
     assert_eq!(console.get("/picture.png")[1..4], *b"PNG");
+}
+
+/// No file may be longer than some kilobytes, as on a disk that is full.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_told_and_leaves_no_half_snapshot() {
+    let dive = Dive::new();
+    let mut limited = Command::new("sh");
+    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
+    limited.args(["-c", script, env!("CARGO_BIN_EXE_nvsprior")]);
+    let console = Console::by(&mut limited, &dive, "--udp 127.0.0.1:0");
+    assert_eq!(console.post("/record", &json!({ "on": true })), 202);
+    let _vehicle = vehicle(&dive, &console.udp, "--forth-and-back");
+    console.until_picture(1);
+    assert_eq!(console.post("/snapshot", &json!({})), 202);
+    let told = |what: &'static str| {
+        move |state: &Value| {
+            let alarms = state["alarms"].as_array().unwrap();
+            alarms.iter().any(|alarm| alarm["text"].as_str().unwrap().contains(what))
+        }
+    };
+    console.until("the snapshot's failure", told("failed: "));
+    let state = console.until("the recording's end", told("the recording has ended: "));
+    assert_eq!(state["recorded"], Value::Null);
+    // It stays, and pictures go on.
+    let state = console.until_picture(state["picture"]["number"].as_u64().unwrap() + 2);
+    assert_eq!(state["alarms"].as_array().unwrap().len(), 2, "{state:#}");
+    let kept = std::fs::read_dir(dive.path("kept")).unwrap().map(|entry| entry.unwrap().path());
+    let kept: Vec<_> = kept.filter(|path| !path.ends_with("console.resume")).collect();
+    assert!(kept.len() == 1 && kept[0].extension().unwrap() == "nvsr", "{kept:?}");
+    let play = Console::start(&dive, &format!("--play {} --speed 50", kept[0].display()));
+    play.until("what was recorded", |state| state["picture"]["number"].as_u64() > Some(0));
 }
 
 #[test]

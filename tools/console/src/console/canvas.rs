@@ -24,17 +24,20 @@ const REPEAT: usize = 12;
 const TINT: u32 = 56;
 
 const TEXT: [u8; 3] = [0xe8, 0xec, 0xef];
-const DIFFERS: [u8; 3] = [0x56, 0xb4, 0xe9];
-const WRONG: [u8; 3] = [0xe6, 0x9f, 0x00];
+const DIFFERS: [u8; 3] = [0xf0, 0xe4, 0x42];
+const WRONG: [u8; 3] = [0xcc, 0x79, 0xa7];
+const DOUBT: [u8; 3] = [0xe6, 0x9f, 0x00];
 const MEMORY: [u8; 3] = [0x98, 0xa4, 0xae];
 const LOST: [u8; 3] = [0xff, 0x6a, 0x3d];
-/// What the patterns of the levels 1 to 5 mean.
-const LEGEND: [&str; 5] = [
+/// What the patterns of the levels 1 to 7 mean.
+const LEGEND: [&str; 7] = [
     "dots: differs",
     "stripes: wrong",
     "corners: memory",
     "crosses: doubtful memory",
     "bars: never mapped",
+    "small dots: differed",
+    "dashes: was wrong",
 ];
 
 /// A picture of a video's size: its width a multiple of four, its height of two, as coders of video take them.
@@ -66,6 +69,8 @@ pub fn draw_overlay(picture: &mut Picture, overlay: &Overlay, from: u32) {
             Some(3) => (MEMORY, rising < 2 && x % REPEAT < 5),
             Some(4) => (MEMORY, rising < 2 || falling < 2),
             Some(5) => (MEMORY, y % REPEAT < 5),
+            Some(6) => (DIFFERS, (5..7).contains(&(x % REPEAT)) && (5..7).contains(&(y % REPEAT))),
+            Some(7) => (WRONG, rising < 4 && x % REPEAT < 6),
             _ => continue,
         };
         let part = if on_pattern { 256 } else { TINT };
@@ -88,7 +93,7 @@ pub fn draw_words(
     let (name, ground) = match pose {
         PoseState::Waiting => ("", None),
         PoseState::Certain => ("certain", None),
-        PoseState::Searching => ("SEARCHING", Some(WRONG)),
+        PoseState::Searching => ("SEARCHING", Some(DOUBT)),
         PoseState::Lost => ("LOST: the place may be wrong", Some(LOST)),
     };
     let line = format!(" {at_least}{age:.1} s old  {name} ");
@@ -97,8 +102,10 @@ pub fn draw_words(
     let has = |level: u8| overlay.is_some_and(|overlay| overlay.levels.contains(&level));
     let legend = (1..).zip(LEGEND).filter(|(level, _)| has(*level)).map(|(_, words)| words);
     let legend = legend.collect::<Vec<_>>().join("   ");
+    let told = overlay.and_then(|overlay| overlay.told_ago);
+    let ago = told.map_or(String::new(), |ago| format!(" {ago:.0} s ago"));
     if !legend.is_empty() {
-        write(picture, &format!(" {legend} "), Point::new(4, bottom), None);
+        write(picture, &format!(" {legend}{ago} "), Point::new(4, bottom), None);
     }
 }
 
@@ -168,7 +175,8 @@ mod tests {
     fn each_level_has_its_pattern_where_its_block_is() {
         let mut large = enlarged(&grey(64, 32));
         let scale = (large.width / 64) as usize;
-        let overlay = Overlay { columns: 4, levels: vec![1, 2, 3, 4, 5, 0, 0, 0], has_map: true };
+        let levels = vec![1, 2, 3, 4, 5, 6, 7, 0];
+        let overlay = Overlay { columns: 4, levels, ..Default::default() };
         draw_overlay(&mut large, &overlay, 64);
         let side = BLOCK * scale;
         // By how much the red of a block's pixels has changed.
@@ -180,17 +188,17 @@ mod tests {
             let reds = (0..side * side).map(|k| large.data[3 * at(k)].abs_diff(100));
             reds.collect::<Vec<_>>()
         };
-        assert!((0..5).all(|block| !changes(block).contains(&0)), "tinted all over");
-        assert!((5..8).all(|block| changes(block).iter().all(|change| *change == 0)));
-        let patterns: std::collections::BTreeSet<Vec<bool>> = (0..5)
-            .map(|block| changes(block).into_iter().map(|change| change > 13).collect())
+        assert!((0..7).all(|block| !changes(block).contains(&0)), "tinted all over");
+        assert!(changes(7).iter().all(|change| *change == 0));
+        let patterns: std::collections::BTreeSet<Vec<bool>> = (0..7)
+            .map(|block| changes(block).into_iter().map(|change| change > 40).collect())
             .collect();
-        assert_eq!(patterns.len(), 5);
+        assert_eq!(patterns.len(), 7);
     }
 
     #[test]
     fn words_are_drawn_and_those_that_do_not_fit_are_cut() {
-        let overlay = |level| Overlay { columns: 1, levels: vec![level], has_map: true };
+        let overlay = |level| Overlay { columns: 1, levels: vec![level], ..Default::default() };
         let overlay_of_wrong = overlay(2);
         let wrong = Some(&overlay_of_wrong);
         let mut large = grey(640, 360);

@@ -1,11 +1,14 @@
 //! Snapshots and recordings on disk.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Error, Write};
 use std::path::PathBuf;
 use std::time::{Duration, UNIX_EPOCH};
 
-use super::recording;
+use nvsprior::prior::replace_file;
+
+use super::state::RecordingState;
+use super::{disk, recording};
 
 /// Writes to a folder, which is made with the first file.
 pub struct Keeper {
@@ -16,12 +19,29 @@ pub struct Keeper {
 struct Recording {
     path: PathBuf,
     file: BufWriter<File>,
+    began: f64,
     frames: u64,
+    bytes: u64,
+}
+
+impl Recording {
+    /// Begins a file. If it cannot be written, there is none.
+    fn begin(path: PathBuf, began: f64) -> std::io::Result<Recording> {
+        let mut file = BufWriter::new(File::create_new(&path)?);
+        let written = recording::write_head(&mut file).and_then(|()| file.flush());
+        written.inspect_err(|_| _ = std::fs::remove_file(&path))?;
+        Ok(Recording { path, file, began, frames: 0, bytes: 0 })
+    }
 }
 
 impl Keeper {
     pub fn new(folder: PathBuf) -> Keeper {
         Keeper { folder, recording: None }
+    }
+
+    /// Bytes that the disk has room for; `None`: the system does not tell.
+    pub fn free(&self) -> Option<u64> {
+        disk::free(&self.folder)
     }
 
     /// A file that is not there yet, named by the time.
@@ -32,11 +52,15 @@ impl Keeper {
         Ok(self.folder.join(format!("{name}.{ending}")))
     }
 
-    /// Keeps a picture, and what was known of it. Returns the picture's file.
+    /// Keeps a picture, and what was known of it, both or none. Returns the picture's file.
     pub fn snapshot(&self, now: f64, png: &[u8], state: &str) -> std::io::Result<PathBuf> {
         let path = self.file(now, "png")?;
-        std::fs::write(&path, png)?;
-        std::fs::write(path.with_extension("json"), state)?;
+        let known = path.with_extension("json");
+        let known_written = replace_file(&known, state.as_bytes());
+        known_written.and_then(|()| replace_file(&path, png)).map_err(|error| {
+            let _ = std::fs::remove_file(&known);
+            Error::other(error)
+        })?;
         Ok(path)
     }
 
@@ -50,10 +74,7 @@ impl Keeper {
             }
             (None, false) => {}
             (None, true) => {
-                let path = self.file(now, "nvsr")?;
-                let mut file = BufWriter::new(File::create_new(&path)?);
-                recording::write_head(&mut file)?;
-                self.recording = Some(Recording { path, file, frames: 0 });
+                self.recording = Some(Recording::begin(self.file(now, "nvsr")?, now)?);
             }
         }
         Ok(self.recording.as_ref().map(|recording| recording.path.clone()))
@@ -64,6 +85,7 @@ impl Keeper {
         let Some(running) = &mut self.recording else { return Ok(()) };
         let kept = recording::write_frame(&mut running.file, time, bytes);
         running.frames += 1;
+        running.bytes += (recording::HEAD + bytes.len()) as u64;
         self.end_if_failed(kept)
     }
 
@@ -75,15 +97,19 @@ impl Keeper {
     }
 
     fn end_if_failed(&mut self, result: std::io::Result<()>) -> std::io::Result<()> {
-        if result.is_err() {
-            self.recording = None;
-        }
-        result
+        result.map_err(|error| match self.recording.take() {
+            Some(ended) => Error::new(error.kind(), format!("{}: {error}", ended.path.display())),
+            None => error,
+        })
     }
 
-    /// Modem frames of the recording; `None`: none runs.
-    pub fn recorded(&self) -> Option<u64> {
-        self.recording.as_ref().map(|recording| recording.frames)
+    /// The recording; `None`: none runs.
+    pub fn recorded(&self, now: f64) -> Option<RecordingState> {
+        self.recording.as_ref().map(|recording| RecordingState {
+            frames: recording.frames,
+            bytes: recording.bytes,
+            seconds: (now - recording.began).max(0.0),
+        })
     }
 }
 
@@ -102,9 +128,10 @@ mod tests {
         keeper.keep(1e9, b"one").unwrap();
         keeper.flush().unwrap();
         keeper.keep(1e9 + 1.0, b"two").unwrap();
-        assert_eq!(keeper.recorded(), Some(2));
+        let running = RecordingState { frames: 2, bytes: 2 * (12 + 3), seconds: 1.5 };
+        assert_eq!(keeper.recorded(1e9 + 1.5), Some(running));
         assert_eq!(keeper.record(0.0, false).unwrap().as_ref(), Some(&path));
-        assert_eq!((keeper.recorded(), keeper.record(0.0, false).unwrap()), (None, None));
+        assert_eq!((keeper.recorded(0.0), keeper.record(0.0, false).unwrap()), (None, None));
         let player = Player::open(File::open(&path).unwrap(), &path).unwrap();
         let frames: Vec<_> = player.frames().map(|frame| frame.bytes).collect();
         assert_eq!(frames, [b"one", b"two"]);

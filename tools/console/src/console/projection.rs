@@ -40,15 +40,19 @@ pub fn lines(
 /// The corners of what a camera sees at a depth: top left, top right, bottom right, bottom left; in the scene.
 pub fn corners(camera: &Camera, pose: &Pose, depth: f64) -> [DVec3; 4] {
     let [width, height] = [camera.width, camera.height].map(f64::from);
+    let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
+    corners.map(|pixel| at_depth(camera, pose, pixel, depth))
+}
+
+/// The point of the scene that is seen at a place of the picture, at a depth.
+pub fn at_depth(camera: &Camera, pose: &Pose, [x, y]: [f64; 2], depth: f64) -> DVec3 {
+    let ray = DVec3::new(
+        (x - f64::from(camera.cx)) / f64::from(camera.fx),
+        (y - f64::from(camera.cy)) / f64::from(camera.fy),
+        1.0,
+    );
     let inverse = pose.inverse();
-    [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]].map(|[x, y]| {
-        let ray = DVec3::new(
-            (x - f64::from(camera.cx)) / f64::from(camera.fx),
-            (y - f64::from(camera.cy)) / f64::from(camera.fy),
-            1.0,
-        );
-        inverse.rotation * (ray * depth) + inverse.translation
-    })
+    inverse.rotation * (ray * depth) + inverse.translation
 }
 
 #[cfg(test)]

@@ -11,6 +11,8 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"NVSPREC1";
+/// Bytes before those of a modem frame.
+pub const HEAD: usize = 12;
 /// Longest modem frame.
 const LONGEST: u32 = 1 << 16;
 
@@ -73,7 +75,7 @@ impl<R: Read> Player<R> {
 }
 
 fn read_frame(input: &mut impl Read) -> Option<Recorded> {
-    let mut head = [0; 12];
+    let mut head = [0; HEAD];
     input.read_exact(&mut head).ok()?;
     let (time, len) = head.split_at(8);
     let time = u64::from_le_bytes(time.try_into().ok()?) as f64 / 1e6;

@@ -32,8 +32,10 @@ pub struct State {
     pub path: Option<PathState>,
     /// Left, top, right and bottom as parts of the picture.
     pub region: Option<[f64; 4]>,
-    /// Modem frames of the recording that runs.
-    pub recorded: Option<u64>,
+    /// The recording that runs.
+    pub recorded: Option<RecordingState>,
+    /// Bytes that the disk has room for.
+    pub free: Option<u64>,
     /// What is missing for a picture.
     pub missing: Option<Missing>,
     /// What the last command came to.
@@ -41,7 +43,26 @@ pub struct State {
     /// Which page gave it.
     pub note_page: Option<String>,
     pub warnings: Vec<String>,
+    /// In order of time.
+    pub alarms: Vec<Alarm>,
     pub overlay: Option<Overlay>,
+}
+
+/// What went wrong and is over, such as a recording that ended. A page shows it until its pilot has seen it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Alarm {
+    /// UTC. Each has another.
+    pub time: f64,
+    pub text: String,
+}
+
+#[derive(Debug, PartialEq, Serialize)]
+pub struct RecordingState {
+    /// Modem frames.
+    pub frames: u64,
+    pub bytes: u64,
+    /// Since it began.
+    pub seconds: f64,
 }
 
 /// The prior that the topside holds.

@@ -14,16 +14,17 @@ use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
 
 use super::clock::Clock;
+use super::disk;
 use super::event::{Arrived, Asked, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
 use super::missing::{Missing, Side, Watch};
-use super::overlay::{MemoryView, Overlay};
+use super::overlay::MemoryView;
 use super::pictures::{Pictures, Shown, Worth};
 use super::resume::{Kept, Resume};
 use super::scene_views::SceneViews;
-use super::state::{LinkState, PictureState, PoseState, PriorState, State, clock_name};
+use super::state::{Alarm, LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
 use crate::journal::Journal;
 use crate::key_state::KeyState;
@@ -80,6 +81,8 @@ const REPORT_EVERY: f64 = 1.0;
 const PATIENCE: f64 = 60.0;
 /// Seconds of not being certain after which the vehicle is called lost.
 const SEARCHING: f64 = 3.0;
+/// The newest so many are kept.
+const ALARMS: usize = 8;
 /// The page is told at least so often.
 const TICK: Duration = Duration::from_millis(250);
 /// Events that are dealt with before the page is told.
@@ -94,7 +97,6 @@ pub struct Topside {
     pictures: Pictures,
     views: SceneViews,
     memory: MemoryView,
-    overlay: Option<Overlay>,
     log: LinkLog,
     /// Who sent the last modem frame that checks vouch for, and when it came.
     peer: Option<SocketAddr>,
@@ -109,6 +111,7 @@ pub struct Topside {
     reported: f64,
     note: Option<String>,
     note_page: Option<String>,
+    alarms: Vec<Alarm>,
     portable: bool,
     publisher: watch::Sender<Published>,
     published: Published,
@@ -149,7 +152,6 @@ impl Topside {
             )?,
             views,
             memory: MemoryView::new(engine, prior)?,
-            overlay: None,
             log: LinkLog::default(),
             peer: None,
             last_proven: None,
@@ -162,6 +164,7 @@ impl Topside {
             reported: f64::MIN,
             note: None,
             note_page: None,
+            alarms: Vec::new(),
             portable: engine.device().portable,
             publisher,
             published: Published::none(),
@@ -190,13 +193,22 @@ impl Topside {
             text += ", with the region of interest";
         }
         if is_recording {
-            text += &match self.options.keeper.record(now, true) {
-                Ok(path) => format!(", recording to {}", path.unwrap_or_default().display()),
-                Err(error) => format!("; the recording has ended: {error}"),
-            };
+            // Between the two files something is missing, and the pilot is to know.
+            let done = self.obey(Command::Record(true));
+            let done = done.unwrap_or_else(|error| format!("the recording has ended: {error}"));
+            self.alarm("recording", format!("the console was started again: {done}"));
         }
         self.tell("restart", text);
         Ok(())
+    }
+
+    /// Tells what failed; it stays on the page until it is seen.
+    fn alarm(&mut self, event: &str, text: String) {
+        let now = self.now();
+        self.options.journal.tell(now, event, &text);
+        self.alarms.push(Alarm { time: now, text });
+        let spare = self.alarms.len().saturating_sub(ALARMS);
+        self.alarms.drain(..spare);
     }
 
     /// Tells the pilot, the terminal and the log what happens now.
@@ -258,7 +270,7 @@ impl Topside {
         if let Err(error) = state.keep(next, self.pictures.seen()) {
             self.options.key_state = None;
             let text = format!("before a start again, give both sides the next --epoch: {error}");
-            self.tell("disk", text);
+            self.alarm("disk", text);
         }
     }
 
@@ -272,10 +284,10 @@ impl Topside {
             key: self.side.key.clone(),
             camera: self.pictures.camera().copied(),
             region: self.region,
-            is_recording: self.options.keeper.recorded().is_some(),
+            is_recording: self.options.keeper.recorded(time).is_some(),
         };
         if let Err(error) = resume.keep(kept) {
-            self.tell("disk", format!("{error:#}"));
+            self.alarm("disk", format!("{error:#}"));
         }
     }
 
@@ -295,14 +307,16 @@ impl Topside {
                 self.stopped = None;
             }
             Event::Command(Asked { page, command }) => {
-                let note = self.obey(command);
                 let event = match command {
                     Command::Region(_) => "region",
                     Command::Record(_) => "recording",
                     Command::Snapshot => "snapshot",
                 };
                 self.note_page = page;
-                self.tell(event, note.unwrap_or_else(|error| format!("failed: {error}")));
+                match self.obey(command) {
+                    Ok(note) => self.tell(event, note),
+                    Err(error) => self.alarm(event, format!("failed: {error}")),
+                }
             }
         }
     }
@@ -314,7 +328,7 @@ impl Topside {
         self.counts.frames += 1;
         self.log.came(*time, bytes.len());
         if let Err(error) = self.options.keeper.keep(*time, bytes) {
-            self.tell("disk", format!("the recording has ended: {error}"));
+            self.alarm("disk", format!("the recording has ended: {error}"));
         }
         let is_proven = match worth {
             Worth::Garbage => Some(false),
@@ -374,7 +388,7 @@ impl Topside {
             false => self.uncertain_since = None,
         }
         self.views.take(shown);
-        self.overlay = Some(self.memory.overlay(shown)?);
+        self.memory.take(shown)?;
         self.published.picture = png(&shown.decoded.picture)?.into();
         if let Some(chase) = self.views.draw_chase(shown)? {
             self.published.chase = png(chase)?.into();
@@ -407,7 +421,7 @@ impl Topside {
         let now = self.now();
         self.log.count(now, self.pictures.statistics());
         if let Err(error) = self.options.keeper.flush() {
-            self.tell("disk", format!("the recording has ended: {error}"));
+            self.alarm("disk", format!("the recording has ended: {error}"));
         }
         let missing = self.missing(now);
         let state = self.state(now, missing);
@@ -439,6 +453,10 @@ impl Topside {
         let shown = self.pictures.shown();
         let uncertain_for = self.uncertain_since.map_or(0.0, |since| now - since);
         let views = self.views.state(now, shown);
+        let keeper = &self.options.keeper;
+        let (recorded, free) = (keeper.recorded(now), keeper.free());
+        let mut warnings = self.warnings(shown);
+        warnings.extend(free.and_then(|free| disk::warning(free, recorded.as_ref())));
         State {
             run: self.run.clone(),
             prior: self.side.prior.clone(),
@@ -460,12 +478,14 @@ impl Topside {
             chase: views.chase,
             path: views.path,
             region: self.region.map(|region| region.edges.map(|edge| f64::from(edge) / 255.0)),
-            recorded: self.options.keeper.recorded(),
+            free,
+            recorded,
             missing,
             note: self.note.clone(),
             note_page: self.note_page.clone(),
-            warnings: self.warnings(shown),
-            overlay: self.overlay.clone(),
+            warnings,
+            alarms: self.alarms.clone(),
+            overlay: shown.map(|_| self.memory.overlay(now)),
         }
     }
 

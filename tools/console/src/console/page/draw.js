@@ -68,13 +68,17 @@ function drawPath(place, box, path) {
 }
 
 // Levels of the overlay: name, colour, pattern. Each has a pattern of its own, for those who do not see colours.
+// Of the pose, other colours tell. The last two were told before.
+const DIFFERS = "#f0e442", WRONG = "#cc79a7";
 const LEVELS = [
-  null,
-  { name: "differs", colour: GOOD, pattern: "dots" },
-  { name: "wrong", colour: DOUBT, pattern: "stripes" },
+  { name: "unmarked: as seen" },
+  { name: "differs", colour: DIFFERS, pattern: "dots" },
+  { name: "wrong", colour: WRONG, pattern: "stripes" },
   { name: "memory", colour: FAINT, pattern: "corner" },
   { name: "doubtful memory", colour: FAINT, pattern: "cross" },
   { name: "never mapped", colour: FAINT, pattern: "bars" },
+  { name: "differs", colour: DIFFERS, pattern: "rings", isTold: true },
+  { name: "wrong", colour: WRONG, pattern: "dashes", isTold: true },
 ];
 
 const TILE = 14;
@@ -96,12 +100,17 @@ function pattern(context, { colour, pattern: kind }) {
     ink.fillStyle = colour;
     ink.fillRect(5, 5, 5, 5);
   }
+  if (kind === "rings") {
+    ink.lineWidth = 1.25;
+    ink.strokeRect(4, 4, 6, 6);
+  }
   if (kind === "bars") ink.fillRect(0, 4, TILE, 6);
   // Beyond the tile's edges, so that lines go on from tile to tile.
   const rising = [-1, 0, 1].map((k) => [k * TILE, TILE, (k + 1) * TILE, 0]);
   const falling = [-1, 0, 1].map((k) => [k * TILE, 0, (k + 1) * TILE, TILE]);
   const corner = [[1, 6, 6, 1]];
-  const strokes = { stripes: rising, cross: [...rising, ...falling], corner }[kind] || [];
+  const dash = [[3, TILE - 3, TILE - 3, 3]];
+  const strokes = { stripes: rising, dashes: dash, cross: [...rising, ...falling], corner }[kind] || [];
   for (const [fromX, fromY, toX, toY] of strokes) {
     ink.beginPath();
     ink.moveTo(fromX, fromY);
@@ -127,7 +136,7 @@ function drawOverlay(place, box, overlay) {
   for (let row = 0; row < rows; row++) {
     for (let column = 0; column < columns; column++) {
       const level = at(column, row);
-      if (!LEVELS[level]) continue;
+      if (!LEVELS[level].pattern) continue;
       const [x, y] = [box.x + column * side, box.y + row * side];
       context.fillStyle = pattern(context, LEVELS[level]);
       context.fillRect(x, y, side, side);

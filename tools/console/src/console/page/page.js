@@ -44,17 +44,19 @@ function forget(name) {
   [images[name], loaded[name]] = [null, null];
 }
 
+const timeOfDay = (utc) => new Date(utc * 1000).toTimeString().slice(0, 8);
+let seen = 0; // Until when the pilot has seen the alarms, UTC of the console.
 let noted = 0; // When the last note came, milliseconds of this page's clock.
 
 // What a command came to, with the time of day.
 function note(text) {
   noted = performance.now();
-  byId("note").textContent = text && `${new Date().toTimeString().slice(0, 8)} ${text}`;
+  byId("note").textContent = text && `${timeOfDay(Date.now() / 1000)} ${text}`;
 }
 
 // Nothing that an ended run of the console has shown stays.
 function beginRun(next) {
-  run = next;
+  [run, seen] = [next, 0];
   Object.keys(images).forEach(forget);
   note("");
 }
@@ -101,9 +103,7 @@ function drawPicture() {
 function drawMarks() {
   const place = begin(byId("marks"));
   const overlay = shows.overlay && state && state.overlay;
-  if (!state) return;
-  showLegend();
-  if (!box) return;
+  if (!state || !box) return;
   if (overlay) drawOverlay(place, box, overlay);
   if (shows.path && state.path) drawPath(place, box, state.path);
   const region = marker.drawn || state.region;
@@ -182,6 +182,7 @@ function showLink(isOld) {
 // What goes on between two states: ages.
 function tick() {
   if (!state) return;
+  showLegend();
   const picture = state.picture;
   const age = picture && picture.age + since();
   byId("age").textContent = picture ? (picture.clock ? "" : "≥ ") + seconds(age) : "–";
@@ -228,9 +229,32 @@ function showState() {
   if (state.note) note(isOthers ? `another page: ${state.note}` : state.note);
   const pages = state.pages > 1 ? `${state.pages} pages are open` : "";
   byId("pages").textContent = [isView ? "this page only looks" : "", pages].filter(Boolean).join(" · ");
-  const record = byId("record-button");
-  record.setAttribute("aria-pressed", state.recorded !== null);
-  record.lastChild.textContent = state.recorded === null ? "ecord" : `ec ${state.recorded}`;
+  showAlarms();
+  showRecording();
+}
+
+// Alarms stay until they are seen, on each page for itself: another pilot's click is not this one's.
+function showAlarms() {
+  byId("alarms").replaceChildren(...state.alarms.filter(({ time }) => time > seen).map(({ time, text }) =>
+    Object.assign(document.createElement("li"), { textContent: `${timeOfDay(time)} ${text}` })));
+}
+
+function sawAlarms() {
+  seen = state ? state.now : 0;
+  if (state) showAlarms();
+}
+
+const megabytes = (bytes) => (bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(1)} GB`);
+
+function showRecording() {
+  const { recorded, free } = state;
+  const button = byId("record-button");
+  const digits = (part) => String(Math.floor(part)).padStart(2, "0");
+  const clock = (time) => [time / 3600, (time / 60) % 60, time % 60].map(digits).join(":");
+  button.setAttribute("aria-pressed", recorded !== null);
+  button.lastChild.textContent = recorded
+    ? `ec ${clock(recorded.seconds)}, ${megabytes(recorded.bytes)}` : "ecord";
+  byId("free").textContent = free === null ? "" : `${megabytes(free)} free`;
 }
 
 function connect() {
@@ -313,11 +337,13 @@ const commands = {
   f: () => goFull(!document.body.classList.contains("full")),
   "?": () => (help.open ? help.close() : help.showModal()),
   s: () => send("/snapshot", {}),
+  a: sawAlarms,
   r: () => state && send("/record", { on: state.recorded === null }),
 };
 const buttons = { overlay: "o", path: "p", snapshot: "s", record: "r", maps: "m", full: "f", help: "?" };
 for (const [name, key] of Object.entries(buttons)) byId(`${name}-button`).onclick = commands[key];
 document.body.classList.toggle("looks", isView);
+byId("alarms").onclick = sawAlarms;
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
   if (help.open && event.key !== "?") return;
@@ -328,32 +354,40 @@ document.addEventListener("keydown", (event) => {
 });
 
 // What the patterns mean, and how much of the picture has each.
-const legend = LEVELS.filter(Boolean).map((level) => {
+const legend = LEVELS.map((level, number) => {
   const item = document.createElement("span"), swatch = document.createElement("canvas");
   const words = document.createElement("b");
   [swatch.width, swatch.height] = [40, 24];
   const context = swatch.getContext("2d");
-  context.fillStyle = pattern(context, level);
-  context.fillRect(0, 0, swatch.width, swatch.height);
+  if (level.pattern) {
+    context.fillStyle = pattern(context, level);
+    context.fillRect(0, 0, swatch.width, swatch.height);
+  }
   item.append(swatch, words);
-  return { level, item, words };
+  return { level, number, item, words };
 });
 const lacksMap = Object.assign(document.createElement("span"), {
-  className: "lacks", textContent: "no truth map came: all of it is memory",
+  className: "lacks", textContent: "this packet tells nothing of what is as seen",
 });
-byId("legend").append(...legend.map(({ item }) => item), lacksMap);
+const wasSeen = document.createElement("span");
+byId("legend").append(...legend.map(({ item }) => item), wasSeen, lacksMap);
 
 function showLegend() {
   const { overlay, picture } = state;
-  byId("legend").hidden = !shows.overlay || !picture;
+  byId("legend").hidden = !picture;
   lacksMap.hidden = !overlay || overlay.has_map;
-  for (const { level, item, words } of legend) {
-    const count = overlay ? overlay.levels.filter((found) => LEVELS[found] === level).length : 0;
+  if (!overlay || !picture) return;
+  const { levels, told_ago, seen_before, seen_ago } = overlay;
+  const part = (count) => `${Math.max(Math.round((100 * count) / levels.length), 1)} %`;
+  const ago = (age) => `${picture.clock ? "" : "≥ "}${Math.ceil(age + since())} s ago`;
+  for (const { level, number, item, words } of legend) {
+    const count = levels.filter((found) => found === number).length;
     // Those that the picture does not have are left out: there is little room.
     item.hidden = count === 0;
-    if (!count) continue;
-    words.textContent = `${level.name} ${Math.round((100 * count) / overlay.levels.length)} %`;
+    words.textContent = `${level.name}${level.isTold ? `, told ${ago(told_ago)}` : ""} ${part(count)}`;
   }
+  wasSeen.hidden = seen_ago === null;
+  wasSeen.textContent = `of memory, ${part(seen_before)} was as seen ${ago(seen_ago)}`;
 }
 
 const places = new ResizeObserver(() => { drawPicture(); drawViews(); if (state) drawPlots(); });
