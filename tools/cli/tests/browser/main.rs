@@ -207,18 +207,23 @@ fn the_overlay_has_patterns(page: &Page) {
     assert!(page.is("LEVELS.every(({ colour }) => ![GOOD, DOUBT, BAD].includes(colour))"));
 }
 
-/// What a packet has no room to tell, and was told just before, holds; with `O`, the legend stays.
+/// What a packet has no room to tell, and was told just before, holds (tests of the overlay tell when); with `O`, the
+/// legend stays.
 fn what_was_told_holds(page: &Page) {
-    let held = "state.overlay && !state.overlay.has_map && state.overlay.told_ago > 0
-        && state.overlay.levels.some((level) => level > 5)
-        && !state.overlay.levels.includes(0)
-        && legend.some(({ item, words }) =>
-            !item.hidden && /^(differs|wrong), told (≥ )?\\d+ s ago \\d+ %$/.test(words.textContent))
-        && !wasSeen.hidden && /^of memory, \\d+ % was as seen/.test(wasSeen.textContent)";
-    page.until("a packet without a map", held);
+    page.until("an overlay", "state.overlay && state.overlay.levels.length > 0");
+    let held = "(() => {
+        const levels = state.overlay.levels.map((_, k) => (k % 4 ? 3 : 6 + (k / 4) % 2));
+        state.overlay = { ...state.overlay, levels, has_map: false, told_ago: 2.5, seen_before: 9, seen_ago: 4 };
+        drawMarks();
+        return legend.filter(({ item, words }) =>
+            !item.hidden && /^(differs|wrong), told (≥ )?\\d+ s ago \\d+ %$/.test(words.textContent)).length === 2
+            && !wasSeen.hidden && /^of memory, \\d+ % was as seen (≥ )?\\d+ s ago/.test(wasSeen.textContent)
+            && !byId('legend').hidden;
+    })()";
+    page.until("what holds", held);
     page.save("held");
     page.key("o");
-    page.until("the same, without patterns", &format!("{held} && !byId('legend').hidden"));
+    page.until("the same, without patterns", held);
     page.key("o");
 }
 

@@ -20,7 +20,7 @@ const SETTLED: f64 = 5.0;
 const SEEN: &str = "JSON.stringify({
     run, isConnected, picture: state && state.picture, prior: state && state.prior.file,
     drawn: images.picture ? loaded.picture : null, age: byId('age').textContent,
-    label: byId('age-label').textContent, marked: !images.picture || byId('stage').classList.contains('old'),
+    label: byId('age-label').textContent, marked: !images.picture || byId('stage').dataset.level === '2',
     map: images.plan && ((canvas) => {
         [canvas.width, canvas.height] = [images.plan.width, images.plan.height];
         canvas.getContext('2d').drawImage(images.plan, 0, 0);
@@ -129,6 +129,7 @@ impl Walk {
         let true_age = exposed.map_or(0.0, since);
         let text = seen["age"].as_str()?;
         let age: f64 = text.trim_start_matches("≥ ").trim_end_matches(" s").parse().unwrap_or(0.0);
+        let limit = picture["limits"][1].as_f64().unwrap_or(LIMIT);
         let is_by_vehicle = seen["label"].as_str()?.contains("vehicle's clock");
         let is_exempt = text.starts_with('≥') || is_by_vehicle;
         let is_well = self.calm.is_some_and(|calm| since(calm) > HEALED);
@@ -136,7 +137,7 @@ impl Walk {
         let faults = [
             (!picture.is_null() && exposed.is_none(), "no vehicle has taken this frame yet"),
             (!is_exempt && age < true_age - 1.0, "it is older than it says"),
-            (true_age > LIMIT + 1.0 && !is_marked, "it is too old, and not marked"),
+            (true_age > limit + 1.0 && !is_marked, "it is too old, and not marked"),
             (self.prior.is_none() && is_late && !is_marked, "nobody answers: it is not marked"),
             (since(self.settled) > SETTLED && !is_marked, "it is not the one that was told of"),
             (self.is_map_of_others(seen, is_late), "it is another prior's map"),

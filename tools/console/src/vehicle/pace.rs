@@ -40,10 +40,14 @@ impl Pace {
             self.taken.pop_front();
         }
         let pairs = self.taken.iter().zip(self.taken.iter().skip(1));
-        let gaps = pairs.filter(|(before, after)| *after - *before > 1).count();
+        let steps = pairs.map(|(before, after)| *after - *before);
+        let (gaps, longest) = steps.fold((0, 0), |(gaps, longest), step| {
+            (gaps + usize::from(step > 1), longest.max(step))
+        });
+        // The longest is left out: a search from nothing.
         let part = match gaps < GAPS {
             true => 1.0,
-            false => (self.taken.len() - 1) as f64 / (number - self.taken[0]) as f64,
+            false => (self.taken.len() - 2) as f64 / (number - self.taken[0] - longest) as f64,
         };
         let is_other = (part < 1.0) != (self.part < 1.0) || (part / self.part - 1.0).abs() > STEP;
         is_other.then(|| self.part = part)?;
@@ -61,7 +65,7 @@ mod tests {
         assert!((0..20).all(|number| pace.take(number).is_none()));
         assert_eq!(pace.take(60), None, "a single frame took long");
         let parts: Vec<f64> = (61..100).filter_map(|k| pace.take(60 + 4 * (k - 60))).collect();
-        assert_eq!(parts.last(), Some(&0.25));
+        assert!(parts.last().is_some_and(|part| (part - 0.25).abs() < 0.025), "{parts:?}");
         let number = pace.number(217);
         assert_eq!(pace.taken.back(), Some(&216));
         let parts: Vec<f64> = (217..240).filter_map(|number| pace.take(number)).collect();
