@@ -106,6 +106,8 @@ impl Desk {
         std::fs::copy(vectors, folder().join("other.ply")).unwrap();
         // That site's console has no folder to write to: a file has its name.
         std::fs::write(folder().join("other.ply.kept"), "").unwrap();
+        // Nothing of a test before goes on.
+        let _ = std::fs::remove_dir_all(folder().join("prior.ply.kept"));
         if !folder().join(format!("T2/T2/{FRAMES:04}.png")).exists() {
             run(&format!("demo --run T2 --draw-only --frames {FRAMES} --out ."));
         }
@@ -204,7 +206,7 @@ fn link(from: &str, to: &str) -> Program {
 
 fn console(prior: &str, page: &str, udp: &str) -> (Program, String, String) {
     let (program, _) = Program::start(&console_line(prior, page, udp, ""));
-    let line = program.says("console: ");
+    let line = program.says(" on http");
     (program, behind(&line, " on ").to_owned(), behind(&line, "UDP ").to_owned())
 }
 
