@@ -221,7 +221,6 @@ fn what_was_told_holds(page: &Page) {
             && !byId('legend').hidden;
     })()";
     page.until("what holds", held);
-    page.save("held");
     page.key("o");
     page.until("the same, without patterns", held);
     page.key("o");

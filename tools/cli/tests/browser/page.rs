@@ -105,9 +105,11 @@ impl Page {
         let format = Protocol::CaptureScreenshotFormatOption::Jpeg;
         let seen = self.tab.capture_screenshot(format, Some(70), None, true).unwrap();
         let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let renew = std::env::var_os("RENEW").is_some() && name != "failed";
-        let folder = root.join(if renew { "docs/console" } else { "target/console-test" });
+        let [documents, folder] = ["docs/console", "target/console-test"].map(|at| root.join(at));
+        let file = format!("{name}.jpg");
+        let renew = std::env::var_os("RENEW").is_some() && documents.join(&file).exists();
+        let folder = if renew { documents } else { folder };
         std::fs::create_dir_all(&folder).unwrap();
-        std::fs::write(folder.join(format!("{name}.jpg")), seen).unwrap();
+        std::fs::write(folder.join(file), seen).unwrap();
     }
 }
