@@ -30,11 +30,12 @@ pub struct Kept {
 pub struct Resume {
     path: PathBuf,
     written: Option<Kept>,
+    has_failed: bool,
 }
 
 impl Resume {
     pub fn new(folder: &std::path::Path) -> Resume {
-        Resume { path: folder.join("console.resume"), written: None }
+        Resume { path: folder.join("console.resume"), written: None, has_failed: false }
     }
 
     /// What was kept within this dive, of the same prior and key.
@@ -47,7 +48,7 @@ impl Resume {
     /// Writes what is another than before.
     ///
     /// # Errors
-    /// If it cannot be written; then not again before it changes.
+    /// If it cannot be written: once, until it can be again.
     pub fn keep(&mut self, kept: Kept) -> anyhow::Result<()> {
         let is_known = self.written.as_ref().is_some_and(|written| {
             Kept { time: written.time, ..kept.clone() } == *written
@@ -58,10 +59,16 @@ impl Resume {
         }
         let text = serde_json::to_vec(&kept)?;
         self.written = Some(kept);
+        let done = self.write(&text);
+        let had_failed = std::mem::replace(&mut self.has_failed, done.is_err());
+        done.or_else(|error| if had_failed { Ok(()) } else { Err(error) })
+    }
+
+    fn write(&self, text: &[u8]) -> anyhow::Result<()> {
         let keeping = || format!("{}: a restart will begin anew", self.path.display());
         let folder = self.path.parent().unwrap_or(&self.path);
         std::fs::create_dir_all(folder).with_context(keeping)?;
-        replace_file(&self.path, &text).with_context(keeping)
+        replace_file(&self.path, text).with_context(keeping)
     }
 }
 
@@ -95,7 +102,13 @@ mod tests {
         assert_eq!(resume.read(1e9, "12345678", key.as_deref()), None, "half a file");
         resume.keep(Kept { time: 1e9 + 1.0, ..kept.clone() }).unwrap();
         assert_eq!(std::fs::read(&resume.path).unwrap().len(), 11, "nothing has changed");
-        resume.keep(Kept { is_recording: false, ..kept }).unwrap();
+        resume.keep(Kept { is_recording: false, ..kept.clone() }).unwrap();
         assert!(std::fs::read(&resume.path).unwrap().len() > 50);
+        // A disk that fails is told once.
+        std::fs::remove_dir_all(folder.path().join("kept")).unwrap();
+        std::fs::write(folder.path().join("kept"), "no folder").unwrap();
+        let later = |seconds: f64| Kept { time: kept.time + seconds, ..kept.clone() };
+        assert!(resume.keep(later(60.0)).is_err());
+        assert!(resume.keep(later(120.0)).is_ok());
     }
 }

@@ -170,22 +170,23 @@ impl Topside {
             published: Published::none(),
             options,
         };
-        topside.begin()?;
+        topside.begin();
         topside.publish()?;
         Ok((topside, receiver))
     }
 
     /// Goes on where a console was that ended in this dive.
-    fn begin(&mut self) -> anyhow::Result<()> {
+    fn begin(&mut self) {
         let PriorState { file, identity } = &self.side.prior;
         let start = format!("{}, with {file} ({identity})", self.options.source);
         let now = self.now();
         self.options.journal.note(now, "start", &start);
         let resume = self.options.resume.as_ref();
         let kept = resume.and_then(|resume| resume.read(now, identity, self.side.key.as_deref()));
-        let Some(Kept { camera, region, is_recording, .. }) = kept else { return Ok(()) };
+        let Some(Kept { camera, region, is_recording, .. }) = kept else { return };
         if let Some(camera) = &camera {
-            self.pictures.add_camera(camera)?;
+            // If it cannot be, the vehicle is asked for it.
+            let _ = self.pictures.add_camera(camera);
         }
         self.region = region;
         let mut text = "the console was started again and goes on".to_owned();
@@ -199,7 +200,6 @@ impl Topside {
             self.alarm("recording", format!("the console was started again: {done}"));
         }
         self.tell("restart", text);
-        Ok(())
     }
 
     /// Tells what failed; it stays on the page until it is seen.
@@ -251,7 +251,9 @@ impl Topside {
     /// Decodes what came and shows it, and tells the vehicle. `is_due`: the page is told even if nothing is new.
     fn show(&mut self, is_due: bool) -> anyhow::Result<()> {
         self.keep_numbers();
-        self.keep_for_restart();
+        if is_due {
+            self.keep_for_restart();
+        }
         let is_new = self.pictures.decode()?;
         if is_new {
             self.take_picture()?;
@@ -437,6 +439,8 @@ impl Topside {
     /// What is missing for a picture. Terminal and log are told if it is another than before.
     fn missing(&mut self, now: f64) -> Option<Missing> {
         let missing = self.watch.missing(now, self.pictures.refusal(), &self.side);
+        // Why nothing comes is known then.
+        let missing = missing.filter(|_| self.stopped.is_none());
         let cause = missing.as_ref().map(|missing| missing.cause);
         if cause != std::mem::replace(&mut self.missing, cause) {
             let text = missing.as_ref().map(|missing| {
