@@ -210,8 +210,8 @@ function showState() {
   byId("prior").textContent = `· ${prior.file} · ${prior.identity}`;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
   const counted = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
-  const seen = picture && new Date((state.now - picture.age) * 1000).toTimeString().slice(0, 8);
-  byId("age-label").textContent = picture ? `${counted} · seen ${picture.clock ? "" : "before "}${seen}` : counted;
+  const exposed = picture && timeOfDay(state.now - picture.age);
+  byId("age-label").textContent = picture ? `${counted} · seen ${picture.clock ? "" : "before "}${exposed}` : counted;
   byId("about").textContent = picture
     ? `frame ${picture.frame} · ${picture.shares[0]} of ${picture.shares[1] ?? "?"} modem frames · ${picture.bytes} bytes` +
       (picture.has_residual ? "" : " · the prior alone, nothing seen by the camera")
