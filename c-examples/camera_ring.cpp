@@ -27,16 +27,18 @@ struct Nv12 {
     Clock::time_point taken{};
 
     nvsp_image image() const {
-        return {NVSP_HEAD(nvsp_image),
-                NVSP_FORMAT_NV12,
-                NVSP_COLOUR_BT601_LIMITED,
-                width,
-                height,
-                {y.data(), uv.data(), nullptr},
-                {width, size_t{2} * ((width + 1) / 2), 0},
-                {y.size(), uv.size(), 0},
-                {nullptr, nullptr, nullptr},
-                {0, 0, 0}};
+        nvsp_image image = NVSP_INITIALIZER(nvsp_image);
+        image.format = NVSP_FORMAT_NV12;
+        image.colour = NVSP_COLOUR_BT601_LIMITED;
+        image.width = width;
+        image.height = height;
+        image.planes[0] = y.data();
+        image.planes[1] = uv.data();
+        image.strides[0] = width;
+        image.strides[1] = size_t{2} * ((width + 1) / 2);
+        image.sizes[0] = y.size();
+        image.sizes[1] = uv.size();
+        return image;
     }
 };
 

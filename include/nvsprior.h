@@ -59,8 +59,8 @@
  * Structures. Every structure begins with struct_size and abi_version. Set it up with NVSP_INIT(&structure), or as
  *   nvsp_camera camera = NVSP_INITIALIZER(nvsp_camera). This makes every other field zero, its default. Later versions
  *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
- * Compilers. With GCC and Clang a status that is not looked at and a NULL that is not allowed give a warning. Define
- *   NVSP_NO_ATTRIBUTES before you include this header to switch that off.
+ * Compilers. With GCC and Clang a status that is not looked at gives a warning. Define NVSP_NO_ATTRIBUTES before you
+ *   include this header to switch that off.
  * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
  *   in dB against 255.
  * Signals and forks. The library installs no signal handlers. Its threads block all signals, except those of their own
@@ -77,8 +77,8 @@
 #define NVSP_INIT(structure) nvsp_struct_init((structure), sizeof *(structure), NVSP_ABI_VERSION)
 
 /* NVSP_INITIALIZER: what a structure is initialised with, all defaults. NVSP_HEAD: its first two fields, if you state
- * others after it: nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8}; in C++ state all, in
- * order. */
+ * others after it: nvsp_picture place = {NVSP_HEAD(nvsp_picture), .format = NVSP_FORMAT_RGB8}; in C++ before
+ * C++20 state all, in order, without names. */
 #ifdef __cplusplus
 template <class Structure> inline Structure nvsp_initialized() {
     Structure made = Structure();
@@ -87,19 +87,20 @@ template <class Structure> inline Structure nvsp_initialized() {
     return made;
 }
 #define NVSP_INITIALIZER(type) nvsp_initialized<type>()
-#define NVSP_HEAD(type) sizeof(type), NVSP_ABI_VERSION
 #else
 #define NVSP_INITIALIZER(type) {NVSP_HEAD(type)}
+#endif
+#if defined(__cplusplus) && __cplusplus < 202002L
+#define NVSP_HEAD(type) sizeof(type), NVSP_ABI_VERSION
+#else
 #define NVSP_HEAD(type) .struct_size = sizeof(type), .abi_version = NVSP_ABI_VERSION
 #endif
 
-/* For compilers: a status must be looked at; these parameters must not be NULL. */
+/* For compilers: a status must be looked at. */
 #if defined(__GNUC__) && !defined(NVSP_NO_ATTRIBUTES)
 #define NVSP_CHECKED __attribute__((warn_unused_result))
-#define NVSP_NONNULL(...) __attribute__((nonnull(__VA_ARGS__)))
 #else
 #define NVSP_CHECKED
-#define NVSP_NONNULL(...)
 #endif
 
 #ifdef __cplusplus
@@ -206,7 +207,7 @@ typedef struct nvsp_engine nvsp_engine;
 // - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
-                               struct nvsp_engine **engine) NVSP_NONNULL(2);
+                               struct nvsp_engine **engine);
 
 // `near_plane` is given.
 #define NVSP_PRIOR_NEAR 1
@@ -287,7 +288,7 @@ NVSP_CHECKED
 nvsp_status nvsp_prior_open(const struct nvsp_engine *engine,
                             const char *path,
                             const struct nvsp_prior_options *options,
-                            struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 4);
+                            struct nvsp_prior **prior);
 
 // A pinhole camera without distortion; x right, y down, z forward. Pixel (0, 0) covers [0, 1) x [0, 1). A device
 // refuses sizes for which its buffers are too small or its dispatches too few, with NVSP_ERR_MEMORY; the text tells
@@ -460,7 +461,7 @@ nvsp_status nvsp_encoder_create(const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
                                 const struct nvsp_camera *camera,
                                 const struct nvsp_encoder_options *options,
-                                struct nvsp_encoder **encoder) NVSP_NONNULL(1, 2, 3, 5);
+                                struct nvsp_encoder **encoder);
 
 // Three bytes per pixel: red, green, blue.
 #define NVSP_FORMAT_RGB8 1
@@ -673,7 +674,7 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         uint8_t *packet,
                         size_t size,
                         size_t *written,
-                        struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4, 6);
+                        struct nvsp_frame_stats *stats);
 
 // Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
 void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
@@ -699,7 +700,7 @@ typedef struct nvsp_decoder nvsp_decoder;
 NVSP_CHECKED
 nvsp_status nvsp_decoder_create(const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
-                                struct nvsp_decoder **decoder) NVSP_NONNULL(1, 2, 3);
+                                struct nvsp_decoder **decoder);
 
 // A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
 // it fails with NVSP_ERR_BUFFER_TOO_SMALL. So a place without pixels asks for the size.
@@ -799,7 +800,7 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         size_t size,
                         uint32_t flags,
                         struct nvsp_picture *picture,
-                        struct nvsp_decoded *info) NVSP_NONNULL(1, 2);
+                        struct nvsp_decoded *info);
 
 // Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
 void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
@@ -938,7 +939,7 @@ const char *nvsp_status_text(nvsp_status status);
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_last_error(const void *handle,
                             char *text,
-                            size_t size) NVSP_NONNULL(1, 2);
+                            size_t size);
 
 // ---- Structures and versions ----
 
@@ -966,7 +967,7 @@ nvsp_status nvsp_last_error(const void *handle,
 // - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
 // - `size`: bytes of the structure, 8 to 4096.
 // - `abi_version`: NVSP_ABI_VERSION of your header.
-nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version) NVSP_NONNULL(1);
+nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
 
 // Returns the library's version, such as "1.0.0". The text is static.
 const char *nvsp_version(void);
@@ -1003,14 +1004,14 @@ typedef struct nvsp_engine_info {
 // Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
 // and a new engine with it.
 NVSP_CHECKED
-nvsp_status nvsp_engine_reopen(const struct nvsp_engine *engine) NVSP_NONNULL(1);
+nvsp_status nvsp_engine_reopen(const struct nvsp_engine *engine);
 
 // Describes the engine's device and its memory. Allocates.
 //
 // Parameters:
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info) NVSP_NONNULL(1, 2);
+nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
 
 // Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
 // start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
@@ -1025,7 +1026,7 @@ NVSP_CHECKED
 nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
                                            uint8_t *bytes,
                                            size_t size,
-                                           size_t *written) NVSP_NONNULL(1, 4);
+                                           size_t *written);
 
 // ---- Priors ----
 
@@ -1110,7 +1111,7 @@ nvsp_status nvsp_prior_open_memory(const struct nvsp_engine *engine,
                                    const uint8_t *bytes,
                                    size_t size,
                                    const struct nvsp_prior_options *options,
-                                   struct nvsp_prior **prior) NVSP_NONNULL(1, 2, 5);
+                                   struct nvsp_prior **prior);
 
 // Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
 // nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
@@ -1125,14 +1126,14 @@ nvsp_status nvsp_prior_open_memory(const struct nvsp_engine *engine,
 NVSP_CHECKED
 nvsp_status nvsp_prior_estimate(const char *path,
                                 const struct nvsp_camera *camera,
-                                struct nvsp_memory_estimate *estimate) NVSP_NONNULL(1, 3);
+                                struct nvsp_memory_estimate *estimate);
 
 // Describes a prior.
 //
 // Parameters:
 // - `info`: receives the description, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info) NVSP_NONNULL(1, 2);
+nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
 
 // Which part of a prior in blocks is loaded, and what that took so far.
 typedef struct nvsp_prior_blocks {
@@ -1166,7 +1167,7 @@ typedef struct nvsp_prior_blocks {
 // - `blocks`: receives it, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_prior_get_blocks(const struct nvsp_prior *prior,
-                                  struct nvsp_prior_blocks *blocks) NVSP_NONNULL(1, 2);
+                                  struct nvsp_prior_blocks *blocks);
 
 // ---- Images and poses ----
 
@@ -1184,7 +1185,7 @@ NVSP_CHECKED
 nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
                               const struct nvsp_pose *to,
                               double part,
-                              struct nvsp_pose *between) NVSP_NONNULL(1, 2, 4);
+                              struct nvsp_pose *between);
 
 // ---- Encoders ----
 
@@ -1199,12 +1200,12 @@ nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
                                   uint32_t mode,
-                                  float value) NVSP_NONNULL(1);
+                                  float value);
 
 // Has the next packet state prior and camera. In a stream its frame is intra. Call it if a topside asks what the
 // packets are about, or if a packet was not sent.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
+nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 
 // Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
 // NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
@@ -1216,7 +1217,7 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 // - `frame`: nvsp_decoded.frame.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
-                                     uint32_t frame) NVSP_NONNULL(1);
+                                     uint32_t frame);
 
 // Tells how many bytes more than a steady packet the next one takes beside its difference picture: it states prior and
 // camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
@@ -1228,7 +1229,7 @@ nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
 // - `bytes`: receives their number. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
-                                     uint32_t *bytes) NVSP_NONNULL(1, 2);
+                                     uint32_t *bytes);
 
 // Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
 // camera, the topside knows which were left out, and can draw them at poses between those that it has
@@ -1240,7 +1241,7 @@ nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
 // - `frames`: their number.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
-                              uint32_t frames) NVSP_NONNULL(1);
+                              uint32_t frames);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
@@ -1252,7 +1253,7 @@ nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
-                                    const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
+                                    const struct nvsp_camera *camera);
 
 // Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 // finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
@@ -1267,7 +1268,7 @@ nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
 NVSP_CHECKED
 nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
                                  uint32_t most,
-                                 uint32_t *left) NVSP_NONNULL(1);
+                                 uint32_t *left);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
@@ -1280,12 +1281,12 @@ nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
+                                const struct nvsp_prior *prior);
 
 // Forgets all earlier frames: the next one is searched for as the first was, and may have any
 // time. Frame numbers go on. Call it if somebody carried the camera elsewhere, for example.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
+nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 
 // The largest packet that a camera of this size can yield, in either profile and with the camera,
 // bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
@@ -1330,7 +1331,7 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 NVSP_CHECKED
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
-                              const struct nvsp_frame_info *info) NVSP_NONNULL(1, 2);
+                              const struct nvsp_frame_info *info);
 
 // Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
 // for that at most as long as you say.
@@ -1341,7 +1342,7 @@ nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
 // - `milliseconds`: the longest to wait; 0 does not wait.
 NVSP_CHECKED
 nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder,
-                             uint32_t milliseconds) NVSP_NONNULL(1);
+                             uint32_t milliseconds);
 
 // Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
 // if the frame has not ended. Never waits.
@@ -1359,7 +1360,7 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                uint8_t *packet,
                                size_t size,
                                size_t *written,
-                               struct nvsp_frame_stats *stats) NVSP_NONNULL(1, 2, 4);
+                               struct nvsp_frame_stats *stats);
 
 // Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
 // NVSP_OK if the encoder is free again, else NVSP_PENDING. The search then ends with what the device is at, a few
@@ -1369,7 +1370,7 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 // frame counts as one whose packet was lost. Its number is used up. The next search may start at its pose. The next
 // packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
 NVSP_CHECKED
-nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
+nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder);
 
 // What the topside will show of the last frame.
 #define NVSP_PICTURE_SHOWN 0
@@ -1387,7 +1388,7 @@ nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder) NVSP_NONNULL(1);
 NVSP_CHECKED
 nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
                                      uint32_t which,
-                                     struct nvsp_picture *picture) NVSP_NONNULL(1, 3);
+                                     struct nvsp_picture *picture);
 
 // ---- What an encoder's camera sees ----
 
@@ -1466,7 +1467,7 @@ typedef struct nvsp_mask {
 // - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
-                                  const struct nvsp_lens *lens) NVSP_NONNULL(1);
+                                  const struct nvsp_lens *lens);
 
 // Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
 // Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
@@ -1489,7 +1490,7 @@ nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
 // - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
-                                  const struct nvsp_mask *mask) NVSP_NONNULL(1);
+                                  const struct nvsp_mask *mask);
 
 // Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
 // times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
@@ -1511,7 +1512,7 @@ nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
                                       uint32_t columns,
                                       uint32_t rows,
                                       const uint8_t *weights,
-                                      size_t size) NVSP_NONNULL(1);
+                                      size_t size);
 
 // ---- Decoders ----
 
@@ -1560,7 +1561,7 @@ typedef struct nvsp_header {
 // Parameters:
 // - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera) NVSP_NONNULL(1, 2);
+nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
 
 // Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
 // the camera saw, if the network knows the scene. Its weights are the prior's (which `nvsprior
@@ -1575,7 +1576,7 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 // - `on`: 1: filter pictures. 0: do not.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder,
-                                    uint32_t on) NVSP_NONNULL(1);
+                                    uint32_t on);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
@@ -1587,7 +1588,7 @@ nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder,
 NVSP_CHECKED
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
-                                const struct nvsp_prior *prior) NVSP_NONNULL(1, 2, 3);
+                                const struct nvsp_prior *prior);
 
 // Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
 // packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
@@ -1606,7 +1607,7 @@ NVSP_CHECKED
 nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
                               const uint8_t *packet,
                               size_t size,
-                              uint32_t flags) NVSP_NONNULL(1, 2);
+                              uint32_t flags);
 
 // Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
 // for that at most as long as you say.
@@ -1617,7 +1618,7 @@ nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
 // - `milliseconds`: the longest to wait; 0 does not wait.
 NVSP_CHECKED
 nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder,
-                             uint32_t milliseconds) NVSP_NONNULL(1);
+                             uint32_t milliseconds);
 
 // Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
 // for. Returns NVSP_PENDING if the packet has not ended. Never waits.
@@ -1631,12 +1632,12 @@ nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder,
 NVSP_CHECKED
 nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
                                struct nvsp_picture *picture,
-                               struct nvsp_decoded *info) NVSP_NONNULL(1);
+                               struct nvsp_decoded *info);
 
 // Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
 // NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
 NVSP_CHECKED
-nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
+nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder);
 
 // Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
 // pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
@@ -1651,7 +1652,7 @@ nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder) NVSP_NONNULL(1);
 NVSP_CHECKED
 nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder,
                               const struct nvsp_pose *pose,
-                              struct nvsp_picture *picture) NVSP_NONNULL(1, 2, 3);
+                              struct nvsp_picture *picture);
 
 // Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
 // prior and camera (36 in the paper's profile). Gives the pose only if the packet is about `prior`. A packet that does
@@ -1669,7 +1670,7 @@ NVSP_CHECKED
 nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
                                const struct nvsp_prior *prior,
-                               struct nvsp_header *header) NVSP_NONNULL(1, 4);
+                               struct nvsp_header *header);
 
 // ---- How far a picture is from what the camera saw ----
 
@@ -1737,7 +1738,7 @@ nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
                                    uint8_t *levels,
                                    size_t size,
                                    size_t *written,
-                                   struct nvsp_truth *truth) NVSP_NONNULL(1, 2, 4);
+                                   struct nvsp_truth *truth);
 
 // ---- The vehicle's end of a link ----
 
@@ -1922,7 +1923,7 @@ typedef struct nvsp_processed_report {
 NVSP_CHECKED
 nvsp_status nvsp_sender_create(uint32_t mtu,
                                const struct nvsp_sender_options *options,
-                               struct nvsp_sender **sender) NVSP_NONNULL(2, 3);
+                               struct nvsp_sender **sender);
 
 // Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame
 // out (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must
@@ -1938,7 +1939,7 @@ nvsp_status nvsp_sender_create(uint32_t mtu,
 NVSP_CHECKED
 nvsp_status nvsp_sender_plan(struct nvsp_sender *sender,
                              double now,
-                             uint32_t *bytes) NVSP_NONNULL(1, 3);
+                             uint32_t *bytes);
 
 // Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
 // be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
@@ -1964,7 +1965,7 @@ nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
                              size_t size,
                              const uint8_t *user,
                              size_t user_size,
-                             struct nvsp_division *division) NVSP_NONNULL(1, 3);
+                             struct nvsp_division *division);
 
 // Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
 // writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
@@ -1983,7 +1984,7 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
                              double now,
                              uint8_t *share,
                              size_t size,
-                             size_t *written) NVSP_NONNULL(1, 3, 5);
+                             size_t *written);
 
 // Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
 // step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
@@ -2011,7 +2012,7 @@ nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
                                        double now,
                                        const uint8_t *report,
                                        size_t size,
-                                       struct nvsp_processed_report *processed) NVSP_NONNULL(1, 3, 5);
+                                       struct nvsp_processed_report *processed);
 
 // Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
 //
@@ -2019,7 +2020,7 @@ nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
 // - `time`: receives the time, seconds. It may have passed. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
-                            double *time) NVSP_NONNULL(1, 2);
+                            double *time);
 
 // Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
 //
@@ -2031,7 +2032,7 @@ nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
 NVSP_CHECKED
 nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
                               double now,
-                              uint32_t bytes) NVSP_NONNULL(1);
+                              uint32_t bytes);
 
 // Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
 //
@@ -2044,7 +2045,7 @@ nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
 NVSP_CHECKED
 nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
                                      double now,
-                                     double bit_rate) NVSP_NONNULL(1);
+                                     double bit_rate);
 
 // Sets what the next packets are protected against, for example as the topside has measured it
 // (nvsp_collector_statistics). Allocates nothing.
@@ -2058,7 +2059,7 @@ nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
 NVSP_CHECKED
 nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender,
                                  double loss,
-                                 double burst) NVSP_NONNULL(1);
+                                 double burst);
 
 // Ends a sender; NULL is allowed. Shares that wait are lost.
 void nvsp_sender_destroy(struct nvsp_sender *sender);
@@ -2158,7 +2159,7 @@ typedef struct nvsp_collected {
 NVSP_CHECKED
 nvsp_status nvsp_collector_memory(uint32_t mtu,
                                   const struct nvsp_collector_options *options,
-                                  uint64_t *bytes) NVSP_NONNULL(3);
+                                  uint64_t *bytes);
 
 // Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
 //
@@ -2172,7 +2173,7 @@ nvsp_status nvsp_collector_memory(uint32_t mtu,
 NVSP_CHECKED
 nvsp_status nvsp_collector_create(uint32_t mtu,
                                   const struct nvsp_collector_options *options,
-                                  struct nvsp_collector **collector) NVSP_NONNULL(3);
+                                  struct nvsp_collector **collector);
 
 // Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
 // Allocates nothing.
@@ -2192,7 +2193,7 @@ nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
                                 double now,
                                 const uint8_t *frame,
                                 size_t size,
-                                struct nvsp_collected *state) NVSP_NONNULL(1, 3);
+                                struct nvsp_collected *state);
 
 // Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
 // which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
@@ -2215,7 +2216,7 @@ nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
                                  uint8_t *packet,
                                  size_t size,
                                  size_t *written,
-                                 struct nvsp_collected *state) NVSP_NONNULL(1, 4, 6);
+                                 struct nvsp_collected *state);
 
 // Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
 //
@@ -2234,7 +2235,7 @@ nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
                                       uint32_t frame,
                                       uint8_t *user,
                                       size_t size,
-                                      size_t *written) NVSP_NONNULL(1, 4, 6);
+                                      size_t *written);
 
 // Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
 //
@@ -2246,7 +2247,7 @@ nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
 NVSP_CHECKED
 nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
                                   uint32_t stream,
-                                  struct nvsp_collected *state) NVSP_NONNULL(1, 3);
+                                  struct nvsp_collected *state);
 
 // Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
 // yields a picture, its frame number counts modulo 256. Allocates nothing.
@@ -2267,7 +2268,7 @@ nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
                                    uint32_t frame,
                                    uint8_t *bits,
                                    size_t size,
-                                   uint32_t *known) NVSP_NONNULL(1, 4, 6);
+                                   uint32_t *known);
 
 // Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 // of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
@@ -2288,7 +2289,7 @@ nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
                                    uint32_t frame,
                                    uint32_t *indices,
                                    uint32_t room,
-                                   uint32_t *count) NVSP_NONNULL(1, 6);
+                                   uint32_t *count);
 
 // Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
 // nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
@@ -2317,7 +2318,7 @@ nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
                                   size_t user_size,
                                   uint8_t *report,
                                   size_t size,
-                                  size_t *written) NVSP_NONNULL(1, 7, 9);
+                                  size_t *written);
 
 // Ends a collector; NULL is allowed.
 void nvsp_collector_destroy(struct nvsp_collector *collector);
@@ -2354,7 +2355,7 @@ typedef struct nvsp_verifier nvsp_verifier;
 NVSP_CHECKED
 nvsp_status nvsp_authenticator_create(const struct nvsp_keys *keys,
                                       uint32_t content,
-                                      struct nvsp_authenticator **authenticator) NVSP_NONNULL(1, 3);
+                                      struct nvsp_authenticator **authenticator);
 
 // Writes a number, a tag and the content behind them. Allocates nothing.
 //
@@ -2374,7 +2375,7 @@ nvsp_status nvsp_authenticate(struct nvsp_authenticator *authenticator,
                               size_t size,
                               uint8_t *bytes,
                               size_t room,
-                              size_t *written) NVSP_NONNULL(1, 3, 5, 7);
+                              size_t *written);
 
 // Tells the number of what an authenticator makes next: nvsp_keys.number of a side that starts again.
 //
@@ -2382,7 +2383,7 @@ nvsp_status nvsp_authenticate(struct nvsp_authenticator *authenticator,
 // - `number`: receives the number. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_authenticator_next_number(struct nvsp_authenticator *authenticator,
-                                           uint64_t *number) NVSP_NONNULL(1, 2);
+                                           uint64_t *number);
 
 // Ends an authenticator; NULL is allowed.
 void nvsp_authenticator_destroy(struct nvsp_authenticator *authenticator);
@@ -2398,7 +2399,7 @@ void nvsp_authenticator_destroy(struct nvsp_authenticator *authenticator);
 NVSP_CHECKED
 nvsp_status nvsp_verifier_create(const struct nvsp_keys *keys,
                                  uint32_t content,
-                                 struct nvsp_verifier **verifier) NVSP_NONNULL(1, 3);
+                                 struct nvsp_verifier **verifier);
 
 // Checks number and tag of what came. Each thing passes once, in about the order in which it was made: one that is 64
 // numbers behind counts as replayed. Allocates nothing.
@@ -2413,7 +2414,7 @@ NVSP_CHECKED
 nvsp_status nvsp_verify(struct nvsp_verifier *verifier,
                         const uint8_t *bytes,
                         size_t size,
-                        size_t *offset) NVSP_NONNULL(1, 2, 4);
+                        size_t *offset);
 
 // Ends a verifier; NULL is allowed.
 void nvsp_verifier_destroy(struct nvsp_verifier *verifier);

@@ -119,7 +119,7 @@ NVSP_CHECKED
 nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
                                int32_t fd,
                                uint64_t modifier,
-                               struct nvsp_dmabuf **dmabuf) NVSP_NONNULL(1, 4);
+                               struct nvsp_dmabuf **dmabuf);
 
 // Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
 void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
@@ -154,7 +154,7 @@ typedef struct nvsp_allocator {
 // Parameters:
 // - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
 NVSP_CHECKED
-nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator) NVSP_NONNULL(1);
+nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator);
 
 // ---- The devices there are ----
 
@@ -254,7 +254,7 @@ typedef struct nvsp_sender_statistics {
 // - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender,
-                                       struct nvsp_sender_statistics *statistics) NVSP_NONNULL(1, 2);
+                                       struct nvsp_sender_statistics *statistics);
 
 // Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
 typedef struct nvsp_collector_statistics {
@@ -301,7 +301,7 @@ typedef struct nvsp_collector_statistics {
 // - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
-                                          struct nvsp_collector_statistics *statistics) NVSP_NONNULL(1, 2);
+                                          struct nvsp_collector_statistics *statistics);
 
 #ifdef __cplusplus
 } /* extern "C" */

@@ -73,7 +73,8 @@ readme() {
     [ -s "$work/readme.c" ]
     # shellcheck disable=SC2046 # Flags are words.
     cc -Wall -Wextra -Werror "$work/readme.c" -o "$work/readme" $(pkg-config --cflags --libs nvsprior)
-    echo "$(wc -l < "$work/readme.c") lines compiled and linked"
+    c++ -std=c++20 -Wall -Wpedantic -Werror -fsyntax-only $(pkg-config --cflags nvsprior) -x c++ "$work/readme.c"
+    echo "$(wc -l < "$work/readme.c") lines compiled and linked, and compiled as C++20"
 }
 
 # The examples by pkg-config and by CMake, shared and static; each pair of compilers once.

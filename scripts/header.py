@@ -73,22 +73,11 @@ def translate(sources):
 
 
 def function(block):
-    """A function's block with its attributes: the status must be looked at, these parameters must not be NULL."""
+    """A function's block with its attribute: the status must be looked at. That a pointer is not NULL is no attribute:
+    a compiler would take checks of it away, though NULL has a status."""
     block = re.sub(r"^// # (Safety|Parameters)$", "// Parameters:", block, flags=re.M)
-    documented = {}
-    for names, text in re.findall(r"^// - (`.*?`): ((?:.|\n//   )*)", block, flags=re.M):
-        needed = "Not NULL" in text.replace("\n//  ", "")
-        documented.update(dict.fromkeys(re.findall(r"`(\w+)`", names), needed))
     comment, declaration = re.match(r"((?://.*\n)*)((?:.|\n)*)", block).groups()
-    name, parameters = re.search(r"(\w+)\(((?:.|\n)*)\)", declaration).groups()
-    required = []
-    for place, parameter in enumerate(parameters.split(","), 1):
-        # A handle needs no line of its own: it must be there.
-        handle = re.match(rf"\s*(?:const )?struct (?:{SHARED}|{OWN}) \*\w+$", parameter)
-        if documented.get(re.search(r"\w*$", parameter)[0], bool(handle) and not name.endswith("_destroy")):
-            required.append(str(place))
-    if required:
-        declaration = re.sub(r"\);$", f") NVSP_NONNULL({', '.join(required)});", declaration)
+    name = re.search(r"(\w+)\(", declaration)[1]
     # A call that cannot fail if it is used as it should be may be left unchecked.
     checked = declaration.startswith("nvsp_status ") and name not in ("nvsp_last_error", "nvsp_struct_init")
     return comment + ("NVSP_CHECKED\n" if checked else "") + declaration

@@ -6,7 +6,6 @@
 // before and after, as with a cache that is not coherent. poll stands for a device that is still writing.
 
 #define _GNU_SOURCE
-#define NVSP_NO_ATTRIBUTES  // NULL is what is tested.
 
 #include "common.h"
 

@@ -1,7 +1,5 @@
 // Encoding: what a call writes, into which memory, and what an error leaves unchanged.
 
-#define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
-
 #include "common.h"
 
 #include <math.h>

@@ -1,7 +1,5 @@
 // Lenses and masks: what they do to packets, and what is refused.
 
-#define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
-
 #include "common.h"
 
 // Encodes frame 0 from its pose as an encoder's next one; the packet's size.

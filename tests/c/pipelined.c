@@ -1,7 +1,5 @@
 // Two frames under way at once: the same packets, in order, and any end of it.
 
-#define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
-
 #include "common.h"
 
 static nvsp_encoder *encoder_of(uint32_t pipelined, uint32_t check_interval) {

@@ -1,7 +1,5 @@
 // Streams: frames that are predicted from frames, and those whose reference is missing.
 
-#define NVSP_NO_ATTRIBUTES  // NULL is tested, too.
-
 #include "common.h"
 
 static nvsp_encoder_options stream_options(uint32_t structure, uint32_t key_every) {

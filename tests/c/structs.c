@@ -1,7 +1,6 @@
 // Structures of every size and version, through every function that takes one.
 
 #define _GNU_SOURCE
-#define NVSP_NO_ATTRIBUTES  // NULL is what is tested.
 
 #include "common.h"
 
