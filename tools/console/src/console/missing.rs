@@ -166,11 +166,11 @@ fn refused(refusal: Option<&Refusal>, side: &Side) -> (&'static str, String, &'s
             ("refused", what, "See that both sides run the same version.")
         }
         None => {
-            let what = "Modem frames come, but too few of a packet for a picture".into();
+            let what = "Modem frames come, but not yet enough of a packet for a picture".into();
             (
                 "too-few",
                 what,
-                "The link loses too much: let the vehicle send less (--bit-rate), or move.",
+                "If this lasts, the link loses too much: let the vehicle send less (--bit-rate), or move.",
             )
         }
     }
