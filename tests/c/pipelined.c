@@ -206,7 +206,7 @@ static void destroyed(void) {
     nvsp_encoder *encoder = encoder_of(1, 0);
     EXPECT(NVSP_OK, begin(encoder, 0));
     EXPECT(NVSP_OK, begin(encoder, 1));
-    (void)nvsp_encode_cancel(encoder);
+    CHECK(nvsp_encode_cancel(encoder) >= NVSP_OK);
     nvsp_encoder_destroy(encoder);
 }
 
