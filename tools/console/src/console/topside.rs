@@ -319,6 +319,8 @@ impl Topside {
                     Ok(note) => self.tell(event, note),
                     Err(error) => self.alarm(event, format!("failed: {error}")),
                 }
+                // What the pilot wants is not to wait for the next look.
+                self.keep_for_restart();
             }
         }
     }
