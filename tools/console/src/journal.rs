@@ -37,7 +37,8 @@ pub fn utc() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64()
 }
 
-fn written(time: f64) -> String {
+/// A time, UTC in seconds, as people read it.
+pub fn written(time: f64) -> String {
     let time = UNIX_EPOCH + Duration::try_from_secs_f64(time).unwrap_or_default();
     humantime::format_rfc3339_millis(time).to_string()
 }

@@ -3,12 +3,12 @@
 use std::fs::File;
 use std::io::{BufWriter, Error, Write};
 use std::path::PathBuf;
-use std::time::{Duration, UNIX_EPOCH};
 
 use nvsprior::prior::replace_file;
 
 use super::state::RecordingState;
 use super::{disk, recording};
+use crate::journal;
 
 /// Writes to a folder, which is made with the first file.
 pub struct Keeper {
@@ -47,8 +47,7 @@ impl Keeper {
     /// A file that is not there yet, named by the time.
     fn file(&self, now: f64, ending: &str) -> std::io::Result<PathBuf> {
         std::fs::create_dir_all(&self.folder)?;
-        let time = UNIX_EPOCH + Duration::try_from_secs_f64(now).unwrap_or_default();
-        let name = humantime::format_rfc3339_millis(time).to_string().replace(':', "-");
+        let name = journal::written(now).replace(':', "-");
         Ok(self.folder.join(format!("{name}.{ending}")))
     }
 

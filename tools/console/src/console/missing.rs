@@ -44,9 +44,9 @@ impl From<&Error> for Refusal {
     }
 }
 
-/// Of this side: for the pilot's eyes.
+/// What this side has, for the pilot.
 #[derive(Clone, Debug)]
-pub struct Side {
+pub struct ThisSide {
     pub prior: PriorState,
     /// Which key it has; `None`: it has none.
     pub key: Option<String>,
@@ -94,7 +94,7 @@ impl Watch {
     }
 
     /// `None`: pictures come, or have not been waited for long.
-    pub fn missing(&self, now: f64, refusal: Option<&Refusal>, side: &Side) -> Option<Missing> {
+    pub fn missing(&self, now: f64, refusal: Option<&Refusal>, side: &ThisSide) -> Option<Missing> {
         let is_quiet = |last: Option<f64>| now - last.unwrap_or(self.start) >= self.quiet;
         let is_strange = self.useless >= STRANGERS && now - self.useless_since >= 1.0;
         if is_strange && self.proven.is_none_or(|last| last <= self.useless_since) {
@@ -121,7 +121,7 @@ impl Watch {
         Some(Missing { cause, what, seconds: now - since, advice })
     }
 
-    fn unreadable(&self, now: f64, side: &Side) -> Missing {
+    fn unreadable(&self, now: f64, side: &ThisSide) -> Missing {
         let came = format!("{} modem frames came", self.useless);
         let (what, advice) = match (&side.key, self.proven) {
             (Some(key), _) => (
@@ -142,7 +142,7 @@ impl Watch {
 }
 
 /// Packets come, and no picture.
-fn refused(refusal: Option<&Refusal>, side: &Side) -> (&'static str, String, &'static str) {
+fn refused(refusal: Option<&Refusal>, side: &ThisSide) -> (&'static str, String, &'static str) {
     let PriorState { file, identity } = &side.prior;
     match refusal {
         Some(Refusal::OtherPrior(other)) => {
@@ -180,9 +180,9 @@ fn refused(refusal: Option<&Refusal>, side: &Side) -> (&'static str, String, &'s
 mod tests {
     use super::*;
 
-    fn side(key: Option<&str>) -> Side {
+    fn side(key: Option<&str>) -> ThisSide {
         let prior = PriorState { file: "reef.nvsg".into(), identity: "12345678".into() };
-        Side { prior, key: key.map(str::to_owned), has_return_path: true }
+        ThisSide { prior, key: key.map(str::to_owned), has_return_path: true }
     }
 
     fn cause(watch: &Watch, now: f64, refusal: Option<&Refusal>) -> Option<&'static str> {

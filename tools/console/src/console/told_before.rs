@@ -21,7 +21,7 @@ pub struct Told {
     pub time: f64,
 }
 
-/// A picture's map, and where the picture was seen from.
+/// A truth map, with the camera and the pose of its picture.
 struct Map {
     camera: Camera,
     pose: Pose,

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use nvsprior::keys::Keys;
@@ -19,14 +19,14 @@ use super::event::{Arrived, Asked, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
-use super::missing::{Missing, Side, Watch};
+use super::missing::{Missing, ThisSide, Watch};
 use super::overlay::MemoryView;
 use super::pictures::{Pictures, Shown, Worth};
 use super::resume::{Kept, Resume};
 use super::scene_views::SceneViews;
 use super::state::{Alarm, LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
-use crate::journal::Journal;
+use crate::journal::{Journal, utc};
 use crate::key_state::KeyState;
 
 pub struct TopsideOptions {
@@ -92,7 +92,7 @@ const AT_ONCE: usize = 256;
 pub struct Topside {
     /// See [`State::run`].
     run: String,
-    side: Side,
+    side: ThisSide,
     options: TopsideOptions,
     pictures: Pictures,
     views: SceneViews,
@@ -134,11 +134,10 @@ impl Topside {
         let scene = engine.upload(prior).context("uploading the prior")?;
         let views = SceneViews::new(engine, prior, &scene)?;
         let (publisher, receiver) = watch::channel(Published::none());
-        let started = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let identity = scene.id().to_string();
         let mut topside = Topside {
-            run: format!("{:x}", started.as_nanos()),
-            side: Side {
+            run: format!("{:x}", utc().to_bits()),
+            side: ThisSide {
                 prior: PriorState { file: options.prior_file.clone(), identity },
                 key: options.key.clone(),
                 has_return_path: options.return_path.is_some(),
@@ -175,7 +174,7 @@ impl Topside {
         Ok((topside, receiver))
     }
 
-    /// Goes on where a console was that ended in this dive.
+    /// Takes over from a console that ended in this dive.
     fn begin(&mut self) {
         let PriorState { file, identity } = &self.side.prior;
         let start = format!("{}, with {file} ({identity})", self.options.source);
