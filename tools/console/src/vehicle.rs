@@ -29,7 +29,7 @@ use crate::journal::{Journal, LogArgs, utc};
 use crate::key_state::{KeyState, Side};
 use frames::{Frames, Next, Size};
 use pace::Pace;
-use reports::{FullPackets, Heard, Topside};
+use reports::{FullPackets, Heard, Hearing};
 
 /// Send frames to a topside: the vehicle's half of a working link
 ///
@@ -167,7 +167,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         vehicle,
         journal,
         key: args.key.to_string(),
-        topside: Topside::default(),
+        hearing: Hearing::default(),
         full: FullPackets::default(),
         key_state,
         socket,
@@ -212,7 +212,7 @@ struct Dive {
     journal: Journal,
     /// What the user calls it.
     key: String,
-    topside: Topside,
+    hearing: Hearing,
     full: FullPackets,
     key_state: Option<KeyState>,
     socket: UdpSocket,
@@ -316,7 +316,7 @@ impl Dive {
         let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
         let Some((bytes, _)) = received else { return Ok(false) };
         let Ok((report, user)) = self.vehicle.read_report(bytes) else {
-            let heard = self.topside.stranger();
+            let heard = self.hearing.stranger();
             self.tell_heard(heard);
             return Ok(true);
         };
@@ -347,7 +347,7 @@ impl Dive {
     /// Sends what is due and takes reports, until a time.
     fn work_until(&mut self, time: f64) -> anyhow::Result<()> {
         self.take_waiting()?;
-        let heard = self.topside.silence(self.now());
+        let heard = self.hearing.silence(self.now());
         self.tell_heard(heard);
         loop {
             self.send_due();
@@ -399,7 +399,7 @@ impl Dive {
             return Ok(());
         }
         self.counts.reports += 1;
-        let heard = self.topside.report(now);
+        let heard = self.hearing.report(now);
         self.tell_heard(heard);
         let Some(PilotMessage { sent, announce, region }) = message else { return Ok(()) };
         self.clock.reported(now, sent);

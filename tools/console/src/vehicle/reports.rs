@@ -1,6 +1,6 @@
 //! What the vehicle makes of what comes back.
 
-/// Datagrams in a row that are no report of this vehicle's topside, after which something must be wrong.
+/// Datagrams that are no report, while no report comes, after which something must be wrong.
 const STRANGERS: u64 = 20;
 /// Seconds after which a topside that was heard is away.
 const AWAY: f64 = 30.0;
@@ -17,22 +17,25 @@ pub enum Heard {
 
 /// Knows whether the topside is heard.
 #[derive(Default)]
-pub struct Topside {
+pub struct Hearing {
     last: Option<f64>,
     is_away: bool,
-    /// Datagrams since that were no report.
+    /// Datagrams that were no report, since none comes.
     strangers: u64,
 }
 
-impl Topside {
+impl Hearing {
     pub fn report(&mut self, now: f64) -> Option<Heard> {
         let is_new = self.last.is_none() || self.is_away;
-        *self = Topside { last: Some(now), is_away: false, strangers: 0 };
+        *self = Hearing { last: Some(now), is_away: false, strangers: 0 };
         is_new.then_some(Heard::Came)
     }
 
-    /// Something came that is no report.
+    /// Something came that is no report. While reports come it tells nothing.
     pub fn stranger(&mut self) -> Option<Heard> {
+        if self.last.is_some() && !self.is_away {
+            return None;
+        }
         self.strangers += 1;
         (self.strangers == STRANGERS).then_some(Heard::Strangers(STRANGERS))
     }
@@ -77,14 +80,15 @@ mod tests {
 
     #[test]
     fn what_changes_is_told_once() {
-        let mut topside = Topside::default();
-        assert_eq!(topside.silence(100.0), None, "it was never there");
-        let told: Vec<Heard> = (0..50).filter_map(|_| topside.stranger()).collect();
+        let mut hearing = Hearing::default();
+        assert_eq!(hearing.silence(100.0), None, "it was never there");
+        let told: Vec<Heard> = (0..50).filter_map(|_| hearing.stranger()).collect();
         assert_eq!(told, [Heard::Strangers(20)]);
-        assert_eq!(topside.report(1.0), Some(Heard::Came));
-        assert_eq!((topside.report(2.0), topside.silence(31.0)), (None, None));
-        assert_eq!((topside.silence(33.0), topside.silence(34.0)), (Some(Heard::Away(31.0)), None));
-        assert_eq!(topside.report(35.0), Some(Heard::Came));
+        assert_eq!(hearing.report(1.0), Some(Heard::Came));
+        assert_eq!((hearing.report(2.0), hearing.silence(31.0)), (None, None));
+        assert!((0..50).all(|_| hearing.stranger().is_none()), "reports come among them");
+        assert_eq!((hearing.silence(33.0), hearing.silence(34.0)), (Some(Heard::Away(31.0)), None));
+        assert_eq!(hearing.report(35.0), Some(Heard::Came));
     }
 
     #[test]
