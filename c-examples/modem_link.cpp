@@ -200,19 +200,10 @@ public:
             return succeeded(status, "skipping", encoder_.get());
         }
         // A packet that tells the camera takes more, for once: the sender gives the next ones less.
-        uint32_t extra = 0;
-        status = nvsp_encoder_extra_bytes(encoder_.get(), &extra);
-        if (!succeeded(status, "extra bytes", encoder_.get())) {
-            return false;
-        }
         size_t size = 0;
         nvsp_frame_stats stats;
         NVSP_INIT(&stats);
-        status = encode(path, hint, NVSP_RATE_BYTES, static_cast<float>(budget + extra), size, stats);
-        if (status == NVSP_ERR_BUDGET) {
-            // The bytes do not even hold the pose.
-            status = encode(path, hint, NVSP_RATE_NONE, 0, size, stats);
-        }
+        status = encode(path, hint, NVSP_RATE_STEADY, static_cast<float>(budget), size, stats);
         if (!succeeded(status, path.c_str(), encoder_.get())) {
             return false;
         }

@@ -320,6 +320,10 @@ typedef struct nvsp_camera {
 #define NVSP_RATE_PSNR 3
 // No difference picture: the pose alone.
 #define NVSP_RATE_NONE 4
+// Bytes of a steady packet, for links: one that also states prior and camera, or has a check of the render, has as
+// many more as these take, so that its difference picture is as fine. If these and the pose alone take more, the packet
+// has them alone. 0 to 4,294,967,295.
+#define NVSP_RATE_STEADY 5
 
 // Gauss-Newton over an image pyramid: the fastest.
 #define NVSP_OPTIMIZER_GAUSS_NEWTON 0
@@ -1219,18 +1223,6 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
                                      uint32_t frame);
 
-// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it states prior and
-// camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
-// is as fine as those of other frames. Allocates nothing.
-//
-// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
-//
-// Parameters:
-// - `bytes`: receives their number. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_encoder_extra_bytes(struct nvsp_encoder *encoder,
-                                     uint32_t *bytes);
-
 // Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
 // camera, the topside knows which were left out, and can draw them at poses between those that it has
 // (nvsp_decoder_draw).
@@ -1750,7 +1742,7 @@ nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
 //     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
 //     status = nvsp_sender_plan(sender, now, &budget);
 //     if (status == NVSP_OK && budget > 0) {
-//         status = nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget);
+//         status = nvsp_encoder_set_rate(encoder, NVSP_RATE_STEADY, (float)budget);
 //         // ... nvsp_encode ...
 //         status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
 //     }
@@ -1925,10 +1917,9 @@ nvsp_status nvsp_sender_create(uint32_t mtu,
                                const struct nvsp_sender_options *options,
                                struct nvsp_sender **sender);
 
-// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame
-// out (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must
-// also tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you
-// like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
+// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
+// out (nvsp_encoder_skip), as the link has no bytes for it. Ask for each frame of the camera, or as often as you like:
+// if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
 // Allocates nothing.
 //
 // Fails with NVSP_ERR_ARGUMENT (the time).

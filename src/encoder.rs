@@ -9,8 +9,7 @@ use crate::frame_time::FrameTime;
 use crate::frame_work::{Coders, FrameWork, TrackedStream};
 use crate::image::{Mask, Preprocessing, Preprocessor};
 use crate::packet::{
-    Latent, PacketError, PoseBound, PoseProfile, QuantisedPose, RENDER_PART_LEN, SESSION_PART_LEN,
-    SentPoses, Session,
+    Latent, PacketError, PoseBound, PoseProfile, QuantisedPose, SentPoses, Session,
 };
 use crate::prior::PoseTrials;
 use crate::queue::Interrupt;
@@ -78,9 +77,6 @@ pub struct EncoderOptions {
     pub frames_treated: bool,
 }
 
-/// How many bytes longer the latent part of a packet with a session part is: its pose has the compact code.
-const LONGER_LATENT: usize = 4;
-
 /// Spreads of the prior beyond which no pose from outside can lie.
 const FAR: f64 = 1e6;
 
@@ -117,6 +113,8 @@ pub struct Encoder {
     /// Which pixels of frames count; `None`: all do.
     mask: Option<Arc<Mask>>,
     interest: Option<Arc<Interest>>,
+    /// See [`Encoder::set_steady_bytes`].
+    is_steady: bool,
     /// Treats frames as the prior's pictures were.
     preprocessor: Preprocessor,
     coders: Coders,
@@ -163,6 +161,7 @@ impl Encoder {
             tracker,
             mask: None,
             interest: None,
+            is_steady: false,
             preprocessor: preprocessor(scene, &options),
             coders: Coders::new(
                 &residual_setup(engine, scene, camera, &options),
@@ -229,7 +228,14 @@ impl Encoder {
 
     /// Sets how fine the difference pictures are from here on: links change.
     pub fn set_rate(&mut self, rate: Option<Rate>) {
-        self.options.rate = rate;
+        (self.options.rate, self.is_steady) = (rate, false);
+    }
+
+    /// Sets the bytes of packets from here on, for a link: a packet that also states the session, or has a check of the
+    /// render, has as many more as these take. So its difference picture is as fine as those of other frames. If pose
+    /// and session alone take more than all of that, the packet has these alone.
+    pub fn set_steady_bytes(&mut self, bytes: usize) {
+        (self.options.rate, self.is_steady) = (Some(Rate::Bytes(bytes)), true);
     }
 
     /// Tells the encoder that the topside has decoded a frame in full, residual and all:
@@ -424,6 +430,7 @@ impl Encoder {
         (work.latent, work.session) = (Some(latent), Some(session));
         work.states_session = states_session;
         work.rate = self.options.rate;
+        work.is_steady = self.is_steady;
         let unit = self.scene.coordinate_frame().unit();
         work.stats.covariance = covariance;
         work.stats.known = known.map(|bound| bound.of_unit(unit));
@@ -581,14 +588,6 @@ impl Encoder {
             self.tracker.objective().renderer().draw_coded_as_planned(&pose.words())?;
         }
         Ok(pose)
-    }
-
-    /// How many bytes more than a steady packet the next one takes beside its difference picture: it states the
-    /// session, or has a check of the render. Add them to [`Rate::Bytes`](crate::Rate::Bytes), and the difference
-    /// picture has as many bytes as those of other frames.
-    pub fn extra_bytes(&self) -> usize {
-        let session = if self.session_due() { LONGER_LATENT + SESSION_PART_LEN } else { 0 };
-        session + if self.check_due() { RENDER_PART_LEN } else { 0 }
     }
 
     fn check_due(&self) -> bool {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::image::{Mask, psnr_of_mse};
-use crate::packet::{Latent, RenderCheck, Residual, Session};
+use crate::packet::{Latent, RENDER_PART_LEN, RenderCheck, Residual, SESSION_PART_LEN, Session};
 use crate::residual::{
     Acknowledged, InStream, Interest, ResidualEncoder, ResidualSetup, StreamFrame, Structure,
     Viewpoint,
@@ -33,6 +33,8 @@ pub(crate) struct FrameWork {
     /// Whether the packet has a check of the render.
     pub has_render_check: bool,
     pub rate: Option<Rate>,
+    /// See [`Encoder::set_steady_bytes`](crate::Encoder::set_steady_bytes).
+    pub is_steady: bool,
     pub residual: Option<ResidualSetup>,
     /// A truth map is wanted.
     pub has_truth: bool,
@@ -131,6 +133,14 @@ impl FrameWork {
         (values > 0).then(|| psnr_of_mse(error / 65_025.0 / f64::from(values)))
     }
 
+    /// Bytes that the packet takes beside those of a steady one.
+    fn extra_bytes(&self) -> usize {
+        /// The pose of a packet with a session part has the compact code, which is longer by so many bytes.
+        const LONGER_LATENT: usize = 4;
+        let session = if self.states_session { LONGER_LATENT + SESSION_PART_LEN } else { 0 };
+        session + if self.has_render_check { RENDER_PART_LEN } else { 0 }
+    }
+
     /// The rate as the coder knows it: it measures the PSNR over all pixels, of which those that are masked have no
     /// error to speak of.
     fn coders_rate(&self) -> Option<Rate> {
@@ -152,12 +162,15 @@ impl FrameWork {
         let render = self.has_render_check.then(|| RenderCheck::of(&self.render));
         let session = self.session.filter(|_| self.states_session);
         let packet = Packet { latent, session, render, residual: Residual::None, truth: None };
-        let Some(rate) = self.coders_rate() else {
+        let Some(mut rate) = self.coders_rate() else {
             encoded.picture.clone_from(&self.render);
             packet.write(&mut encoded.packet)?;
             return Ok(true);
         };
         let needed = packet.encoded_len();
+        if let (Rate::Bytes(bytes), true) = (&mut rate, self.is_steady) {
+            *bytes = (*bytes + self.extra_bytes()).max(needed);
+        }
         if let Rate::Bytes(budget) = rate
             && budget < needed
         {

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._nvsprior import Camera, Channel, Collector, Decoder, Encoder, Engine, Hint, Keys, Pose, Prior, Sender
-from .errors import BudgetError
 
 Picture = NDArray[np.uint8]
 
@@ -41,16 +40,6 @@ class Shown:
 def _psnr(a: Picture, b: Picture) -> float:
     mse = float(np.mean((a.astype(np.float64) - b) ** 2))
     return math.inf if mse == 0.0 else 10.0 * math.log10(255.0**2 / mse)
-
-
-def _encode(encoder: Encoder, frame: Picture, hint: Pose | Hint | None, now: float, budget: int) -> bytes:
-    """Encodes in so many bytes. A packet that tells the camera takes more; what does not fit its shares is cut off."""
-    encoder.set_rate(bytes=budget + encoder.extra_bytes)
-    try:
-        return encoder.encode(frame, hint, time=now).packet
-    except BudgetError:
-        encoder.set_rate()  # The pose alone.
-        return encoder.encode(frame, hint, time=now).packet
 
 
 def link(
@@ -135,7 +124,8 @@ def _run(
             if budget is None:
                 encoder.skip(1)
             else:
-                encoded = _encode(encoder, frames[turn], hint, now, budget)
+                encoder.set_rate(steady_bytes=budget)
+                encoded = encoder.encode(frames[turn], hint, time=now).packet
                 hint = None
                 sender.push(now + coding, encoded)
                 sent[turn] = len(encoded)

@@ -246,16 +246,27 @@ impl PyEncoder {
         write_picture(py, &self.0.enter()?.encoded.render, out)
     }
 
-    /// Sets how fine the difference pictures are from here on; nothing: none is sent.
-    #[pyo3(signature = (*, quality = None, psnr = None, bytes = None))]
+    /// Sets how fine the difference pictures are from here on; nothing: none is sent. `steady_bytes`: bytes of a packet
+    /// for a link; one that also states the camera, or a check, has as many more as these take.
+    #[pyo3(signature = (*, quality = None, psnr = None, bytes = None, steady_bytes = None))]
     fn set_rate(
         &self,
         quality: Option<f32>,
         psnr: Option<f64>,
         bytes: Option<usize>,
+        steady_bytes: Option<usize>,
     ) -> PyResult<()> {
         let rate = options::rate(quality, psnr, bytes)?;
-        self.0.enter()?.encoder.set_rate(rate);
+        let mut content = self.0.enter()?;
+        let encoder = &mut content.encoder;
+        match (rate, steady_bytes) {
+            (None, Some(bytes)) => encoder.set_steady_bytes(bytes),
+            (rate, None) => encoder.set_rate(rate),
+            _ => {
+                let text = "quality, psnr, bytes and steady_bytes: give one of them";
+                return Err(Failure::argument(text).into());
+            }
+        }
         Ok(())
     }
 
@@ -328,11 +339,5 @@ impl PyEncoder {
     /// Renders key frames ahead, at most so many, for a first frame without a hint. Returns how many are left.
     fn prepare(&self, py: Python, most: usize) -> PyResult<usize> {
         Ok(self.0.enter()?.detached(py, |content| Ok(content.encoder.prepare(most)?))?)
-    }
-
-    /// Bytes that the next packet takes more than a steady one. Add them to what a sender plans.
-    #[getter]
-    fn extra_bytes(&self) -> PyResult<usize> {
-        Ok(self.0.enter()?.encoder.extra_bytes())
     }
 }

@@ -27,7 +27,7 @@ def test_a_few_shares_yield_a_picture(engine, prior, camera, poses, frames):
     decoder = nvsprior.Decoder(engine, prior)
 
     def sent(now: float, frame: int) -> tuple[nvsprior.Encoded, nvsprior.Division, list[bytes]]:
-        encoder.set_rate(bytes=sender.plan(now) + encoder.extra_bytes)
+        encoder.set_rate(steady_bytes=sender.plan(now))
         encoded = encoder.encode(frames[frame], poses[frame])
         division = sender.push(now, encoded.packet, b"hi")
         return encoded, division, shares_of(sender, now + 0.9)

@@ -29,6 +29,10 @@ pub const NVSP_RATE_BYTES: u32 = 2;
 pub const NVSP_RATE_PSNR: u32 = 3;
 /// No difference picture: the pose alone.
 pub const NVSP_RATE_NONE: u32 = 4;
+/// Bytes of a steady packet, for links: one that also states prior and camera, or has a check of the render, has as
+/// many more as these take, so that its difference picture is as fine. If these and the pose alone take more, the packet
+/// has them alone. 0 to 4,294,967,295.
+pub const NVSP_RATE_STEADY: u32 = 5;
 
 /// Gauss-Newton over an image pyramid: the fastest.
 pub const NVSP_OPTIMIZER_GAUSS_NEWTON: u32 = 0;
@@ -279,14 +283,16 @@ pub extern "C" fn nvsp_encoder_create(
         let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
         let camera = image::camera(camera)?;
         let options = options.read()?;
-        let pipelined = options.pipelined != 0;
+        let (pipelined, rate) = (options.pipelined != 0, options.rate);
         let options = encoder_options(&options)?;
         let stream = options.mode != Mode::Intra;
         let key_frames = scene.key_frames().poses().len();
         let limits = Limits { stream, key_frames, ..engine.how.limits };
         let _memory =
             if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
-        let made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+        let wanted = options.rate;
+        let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+        set_rate(&mut made, rate, wanted);
         let converter = Converter::new(camera.width, camera.height)?;
         let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
         encoder.write(Handle::boxed(encoding, handle.log()));
@@ -401,9 +407,11 @@ fn rate(mode: u32, value: f32, fields: [&'static str; 2]) -> Result<Option<Rate>
         NVSP_RATE_DEFAULT if value == 0.0 => Ok(EncoderOptions::default().rate),
         NVSP_RATE_NONE if value == 0.0 => Ok(None),
         NVSP_RATE_QUALITY if (0.0..=100.0).contains(&value) => Ok(Some(Rate::Quality(value))),
-        NVSP_RATE_BYTES if whole.contains(&value) => Ok(Some(Rate::Bytes(value as usize))),
+        NVSP_RATE_BYTES | NVSP_RATE_STEADY if whole.contains(&value) => {
+            Ok(Some(Rate::Bytes(value as usize)))
+        }
         NVSP_RATE_PSNR if value > 0.0 && value <= 100.0 => Ok(Some(Rate::Psnr(value.into()))),
-        ..=NVSP_RATE_NONE => Err(Failure::argument(fields[1])),
+        ..=NVSP_RATE_STEADY => Err(Failure::argument(fields[1])),
         _ => Err(Failure::argument(fields[0])),
     }
 }
@@ -430,9 +438,16 @@ pub extern "C" fn nvsp_encoder_set_rate(
 ) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
         let rate = rate(mode, value, ["mode", "value: out of the range of `mode`, or not 0"])?;
-        content.core()?.encoder.set_rate(rate);
+        set_rate(&mut content.core()?.encoder, mode, rate);
         Ok(NVSP_OK)
     })
+}
+
+fn set_rate(encoder: &mut Encoder, mode: u32, rate: Option<Rate>) {
+    match (mode, rate) {
+        (NVSP_RATE_STEADY, Some(Rate::Bytes(bytes))) => encoder.set_steady_bytes(bytes),
+        _ => encoder.set_rate(rate),
+    }
 }
 
 /// Has the next packet state prior and camera. In a stream its frame is intra. Call it if a topside asks what the
@@ -460,26 +475,6 @@ pub extern "C" fn nvsp_encoder_acknowledge(
 ) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
         content.core()?.encoder.acknowledge(frame);
-        Ok(NVSP_OK)
-    })
-}
-
-/// Tells how many bytes more than a steady packet the next one takes beside its difference picture: it states prior and
-/// camera, or has a check of the render. Add them to NVSP_RATE_BYTES, and the difference picture
-/// is as fine as those of other frames. Allocates nothing.
-///
-/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
-///
-/// # Parameters
-/// - `bytes`: receives their number. Not NULL.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_encoder_extra_bytes(
-    encoder: Option<&nvsp_encoder>,
-    bytes: Place<u32>,
-) -> nvsp_status {
-    nvsp_encoder::call(encoder, |content| {
-        let bytes = bytes.required("bytes")?;
-        bytes.write(content.core()?.encoder.extra_bytes() as u32);
         Ok(NVSP_OK)
     })
 }

@@ -25,7 +25,7 @@ use super::structs::{In, Out, Place, number, versioned, zeroed};
 /// // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
 /// status = nvsp_sender_plan(sender, now, &budget);
 /// if (status == NVSP_OK && budget > 0) {
-///     status = nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget);
+///     status = nvsp_encoder_set_rate(encoder, NVSP_RATE_STEADY, (float)budget);
 ///     // ... nvsp_encode ...
 ///     status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
 /// }
@@ -247,10 +247,9 @@ pub extern "C" fn nvsp_sender_create(
     })
 }
 
-/// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_BYTES and as many. 0: leave the frame
-/// out (nvsp_encoder_skip), as the link has no bytes for it. If encoding fails with NVSP_ERR_BUDGET, as the packet must
-/// also tell the camera, encode the frame with NVSP_RATE_NONE. Ask for each frame of the camera, or as often as you
-/// like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
+/// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
+/// out (nvsp_encoder_skip), as the link has no bytes for it. Ask for each frame of the camera, or as often as you like:
+/// if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
 /// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time).

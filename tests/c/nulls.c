@@ -68,10 +68,6 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_NULL, nvsp_encode(encoder, &image, with_hint(pose), bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_begin(NULL, &image, with_hint(pose)));
     EXPECT(NVSP_ERR_NULL, nvsp_encode_cancel(NULL));
-    uint32_t extra = 77;
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_extra_bytes(NULL, &extra));
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_extra_bytes(encoder, NULL));
-    CHECK(extra == 77);
     EXPECT(NVSP_ERR_NULL, nvsp_set_allocator(NULL));
     nvsp_dmabuf *dmabuf = NULL;
     EXPECT(NVSP_ERR_NULL, nvsp_dmabuf_import(NULL, 0, 0, &dmabuf));

@@ -215,8 +215,7 @@ impl Frames {
         match control.capacity(budget) {
             Ok(bytes) => {
                 // A packet that tells the camera takes more, for once.
-                let bytes = bytes + self.encoder.extra_bytes();
-                self.encoder.set_rate(Some(Rate::Bytes(bytes)));
+                self.encoder.set_steady_bytes(bytes);
                 Ok(Ok(Budget::of(control, budget, settings.tag())))
             }
             Err(error) => Ok(Err(Taken::TooSmall(error))),

@@ -8,7 +8,7 @@ use nvsprior::packet::{Extent, residual_part_len};
 use nvsprior::render::Scene;
 use nvsprior::residual::Tune;
 use nvsprior::tracking::FrameInfo;
-use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Error, Mode, Picture, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture};
 
 /// How a vehicle encodes and sends.
 #[derive(Clone, Copy, Debug)]
@@ -157,9 +157,8 @@ impl Vehicle {
         let Some(bytes) = self.sender.plan(exposed)? else { return Ok(None) };
         self.encoder.skip((number - self.next) as u32);
         self.next = number + 1;
-        // A packet that tells the camera has as many bytes for its difference picture as others.
-        let bytes = bytes + self.encoder.extra_bytes();
-        self.encode(picture, info, bytes)?;
+        self.encoder.set_steady_bytes(bytes);
+        self.encoder.encode_into(picture, info, &mut self.encoded)?;
         let packet = &self.encoded.packet;
         let division = self.sender.push(ready(), packet, user)?;
         let stats = &self.encoded.stats;
@@ -184,19 +183,6 @@ impl Vehicle {
     /// The encoder: its mask, its region of interest.
     pub fn encoder(&mut self) -> &mut Encoder {
         &mut self.encoder
-    }
-
-    /// Encodes a frame in so many bytes. A packet that also tells the camera may take more: what does not fit its
-    /// shares is cut off.
-    fn encode(&mut self, picture: &Picture, info: FrameInfo, bytes: usize) -> Result<(), Error> {
-        self.encoder.set_rate(Some(Rate::Bytes(bytes)));
-        match self.encoder.encode_into(picture, info, &mut self.encoded) {
-            Err(Error::Budget { needed, .. }) => {
-                self.encoder.set_rate(Some(Rate::Bytes(needed)));
-                self.encoder.encode_into(picture, info, &mut self.encoded)
-            }
-            done => done,
-        }
     }
 
     /// The next share that is due at `now`, and when it was.
