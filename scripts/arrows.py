@@ -38,6 +38,7 @@ encoded frame_time
 frame_work
 encoder decoder doubt_view
 pipeline
+link
 capi
 """
 

@@ -529,6 +529,11 @@ impl Encoder {
         self.frame = self.frame.wrapping_add(frames);
     }
 
+    /// Number of the next frame.
+    pub fn frame_number(&self) -> u32 {
+        self.frame
+    }
+
     /// Forgets all earlier frames: the next one is searched for as the first was, and may have any time. Frame numbers
     /// go on, and the next packet states the session.
     pub fn reset(&mut self) {

@@ -25,7 +25,7 @@
 //! The rooms from low to high; each knows only those before it: [`random`], [`geometry`], [`keys`], `queue` and
 //! `range_coder`; [`image`]; [`vulkan`]; [`coder_tables`] and [`filter_weights`]; [`prior`]; [`render`]; [`packet`];
 //! [`residual`]; `error`; [`tracking`]; `engine` and [`modem`]; `encoder` and `decoder`; `pipeline`;
-//! [`capi`]. `scripts/arrows.py` checks it.
+//! [`link`]; [`capi`]. `scripts/arrows.py` checks it.
 
 #![deny(unsafe_code)]
 
@@ -38,6 +38,7 @@ pub mod filter_weights;
 pub mod geometry;
 pub mod image;
 pub mod keys;
+pub mod link;
 pub mod modem;
 pub mod packet;
 pub mod prior;

@@ -23,7 +23,6 @@ mod held_prior;
 mod keys;
 mod lock;
 mod payloader;
-mod playout;
 mod property;
 mod stats;
 

@@ -157,6 +157,11 @@ impl Head {
         })
     }
 
+    /// Whether the frame is one of a stream: others may be predicted from it.
+    pub fn is_in_stream(&self) -> bool {
+        matches!(self.kind, Kind::Stream | Kind::Inter)
+    }
+
     /// Whether a residual part follows.
     pub fn has_content(&self) -> bool {
         self.truth || self.kind.is_wavelet() || self.kind.is_webp()

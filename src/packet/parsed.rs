@@ -86,8 +86,7 @@ impl Parsed {
 
     /// Whether the residual is one of a stream.
     pub fn is_in_stream(&self) -> bool {
-        use super::head::Kind;
-        matches!(self.read.head.kind, Kind::Stream | Kind::Inter)
+        self.read.head.is_in_stream()
     }
 }
 
@@ -105,6 +104,8 @@ pub struct Extent {
     pub told: usize,
     /// Whether a residual part follows.
     pub has_content: bool,
+    /// Whether the frame is one of a stream: others may be predicted from it.
+    pub in_stream: bool,
     /// Bytes at the start that the packet's own checks vouch for: the latent part, perhaps with the fixed parts behind
     /// it, or all of the packet. Of a predicted pose, whose check needs other poses, the latent part counts if it can
     /// be read.
@@ -145,8 +146,8 @@ impl Extent {
         let all_before = valid == at;
         let whole = (all_before && found.checked.is_ok()).then(|| found.end(at));
         let told = found.truth.as_ref().map_or(0, |map| map.end - at);
-        let has_content = head.has_content();
+        let (has_content, in_stream) = (head.has_content(), head.is_in_stream());
         let valid = whole.unwrap_or(valid);
-        Ok(Extent { frame, latent, head: at, told, has_content, valid, whole })
+        Ok(Extent { frame, latent, head: at, told, has_content, in_stream, valid, whole })
     }
 }

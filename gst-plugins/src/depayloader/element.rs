@@ -10,11 +10,12 @@ use gst::glib::subclass::Signal;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
+use nvsprior::link::{DuePacket, Playout, TopsideLink, TopsideOptions};
+
 use crate::caps;
 use crate::element::{add_pads, log_category, pad, registry};
 use crate::keys::{KeySettings, key_properties};
 use crate::lock::lock;
-use crate::playout::{Played, Playout, PlayoutOptions};
 use crate::stats::properties_with_stats;
 
 log_category!("nvspdepay", "nvsprior depayloader");
@@ -38,7 +39,7 @@ impl Default for Settings {
 /// What the element holds while it runs.
 #[derive(Default)]
 struct State {
-    playout: Option<Playout>,
+    playout: Option<TopsideLink>,
     /// What the caps state.
     frame_rate: Option<gst::Fraction>,
     /// That of the shares' times.
@@ -123,9 +124,9 @@ impl Depayloader {
         let (shares, late, next_number) = {
             let state = lock(&self.state);
             let playout = state.playout.as_ref();
-            let shares = playout.map(Playout::statistics).unwrap_or_default();
-            let next_number = playout.and_then(Playout::next_number);
-            (shares, playout.map_or(0, Playout::late), next_number.unwrap_or(0))
+            let shares = playout.map(TopsideLink::statistics).unwrap_or_default();
+            let next_number = playout.and_then(|playout| playout.collector().next_number());
+            (shares, playout.map_or(0, TopsideLink::late), next_number.unwrap_or(0))
         };
         let counts = lock(&self.counts);
         let mut stats = gst::Structure::builder("nvspdepay-stats")
@@ -151,10 +152,12 @@ impl Depayloader {
 
     /// A report for the vehicle; `None`: there is nothing to tell.
     fn report(&self) -> Option<glib::Bytes> {
-        let report = lock(&self.state).playout.as_mut()?.report();
+        let mut state = lock(&self.state);
+        let now = state.now;
+        let report = state.playout.as_mut()?.report_packets(now);
         let report =
             report.inspect_err(|error| gst::debug!(CATEGORY, imp = self, "a report: {error}"));
-        Some(glib::Bytes::from_owned(report.ok()??))
+        Some(glib::Bytes::from(report.ok()??))
     }
 
     /// Asks what comes before whether it is live. Its latency, if it is.
@@ -183,19 +186,24 @@ impl Depayloader {
         now.unwrap_or(state.now).max(state.now)
     }
 
-    fn playout(&self, state: &State) -> Result<Playout, gst::ErrorMessage> {
+    fn playout(&self, state: &State) -> Result<TopsideLink, gst::ErrorMessage> {
         let settings = lock(&self.settings).clone();
         let keys = settings.keys.open();
         let keys =
             keys.map_err(|error| gst::error_msg!(gst::ResourceError::OpenRead, ("{error}")))?;
-        let options = PlayoutOptions {
-            mtu: settings.mtu as usize,
-            shares: settings.shares as usize,
+        let options = TopsideOptions {
             stream: settings.stream as u8,
-            latency: f64::from(settings.latency) / 1e3,
-            frame_rate: state.frame_rate.map(caps::per_second),
+            playout: Playout::InOrder {
+                latency: f64::from(settings.latency) / 1e3,
+                frame_rate: state.frame_rate.map(caps::per_second),
+            },
+            max_shares: Some(settings.shares as usize),
+            // The application asks when it wants one.
+            report_every: Some(0.0),
+            keys,
+            ..TopsideOptions::new(settings.mtu as usize)
         };
-        Playout::new(options, keys.as_ref())
+        TopsideLink::new(&options)
             .map_err(|error| gst::error_msg!(gst::LibraryError::Settings, ("{error}")))
     }
 
@@ -209,7 +217,7 @@ impl Depayloader {
         state.now = now;
         let mapped = buffer.map_readable();
         let datagram = mapped.as_deref().unwrap_or(&[]);
-        let taken = state.playout.as_mut().map(|playout| playout.push(now, datagram));
+        let taken = state.playout.as_mut().map(|playout| playout.receive(now, datagram));
         let mut counts = lock(&self.counts);
         counts.datagrams += 1;
         if let Some(Err(error)) = taken {
@@ -223,7 +231,7 @@ impl Depayloader {
     /// Wakes the timer, if it waits for nothing or for too long.
     fn set_timer(&self) {
         let state = lock(&self.state);
-        let deadline = state.playout.as_ref().and_then(Playout::deadline);
+        let deadline = state.playout.as_ref().and_then(TopsideLink::picture_due);
         if let (Some((id, until)), Some(deadline)) = (&state.timer, deadline)
             && deadline < *until
         {
@@ -236,10 +244,9 @@ impl Depayloader {
     fn play(&self, now: f64) -> Result<gst::FlowSuccess, gst::FlowError> {
         let _output = lock(&self.output);
         loop {
-            let next = lock(&self.state).playout.as_mut().and_then(|playout| playout.next(now));
-            let Some(played) = next else { return Ok(gst::FlowSuccess::Ok) };
+            let Some(buffer) = self.next_buffer(now) else { return Ok(gst::FlowSuccess::Ok) };
             self.begin();
-            self.src.push(self.buffer(played))?;
+            self.src.push(buffer)?;
         }
     }
 
@@ -268,26 +275,31 @@ impl Depayloader {
         self.src.push_event(gst::event::Segment::new(&segment));
     }
 
-    fn buffer(&self, played: Played) -> gst::Buffer {
+    /// The next packet that goes on at `now`, seconds; infinite: all do.
+    fn next_buffer(&self, now: f64) -> Option<gst::Buffer> {
+        let mut state = lock(&self.state);
+        let rate = state.frame_rate;
+        let now = if now.is_finite() { now } else { f64::MAX };
+        let (due, packet) = state.playout.as_mut()?.next_packet(now).ok()??;
+        let DuePacket { frame, time, restarted } = due;
         let mut counts = lock(&self.counts);
         counts.packets += 1;
-        counts.complete += u64::from(played.complete);
+        counts.complete += u64::from(packet.complete);
         drop(counts);
-        let rate = lock(&self.state).frame_rate;
-        let mut buffer = gst::Buffer::from_slice(played.bytes);
+        let mut buffer = gst::Buffer::from_slice(packet.bytes.to_vec());
         let fields = buffer.make_mut();
-        fields.set_pts(gst::ClockTime::from_seconds_f64(played.time.max(0.0)));
+        fields.set_pts(gst::ClockTime::from_seconds_f64(time.max(0.0)));
         fields.set_duration(
             rate.map(|rate| gst::ClockTime::from_seconds_f64(1.0 / caps::per_second(rate))),
         );
-        fields.set_offset(played.frame.max(0) as u64);
-        if played.restarted {
+        fields.set_offset(frame.max(0) as u64);
+        if restarted {
             fields.set_flags(gst::BufferFlags::DISCONT);
         }
-        if !played.complete {
+        if !packet.complete {
             fields.set_flags(gst::BufferFlags::CORRUPTED);
         }
-        buffer
+        Some(buffer)
     }
 
     fn chain(&self, buffer: gst::Buffer) -> Result<gst::FlowSuccess, gst::FlowError> {
@@ -331,7 +343,7 @@ impl Depayloader {
                     let _ = self.src.pause_task();
                     return;
                 }
-                let deadline = state.playout.as_ref().and_then(Playout::deadline);
+                let deadline = state.playout.as_ref().and_then(TopsideLink::picture_due);
                 let times = self.obj().clock().zip(self.obj().base_time());
                 if let (Some(until), Some((clock, base)), Some(upstream)) =
                     (deadline, times, state.upstream)

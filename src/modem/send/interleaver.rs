@@ -99,6 +99,17 @@ impl Interleaver {
         (next.due <= now).then_some(next.share.len())
     }
 
+    /// Bytes of each share that waits, with when it is due.
+    pub fn waiting(&self) -> impl Iterator<Item = (f64, usize)> + '_ {
+        self.waiting.iter().map(|waiting| (waiting.due, waiting.share.len()))
+    }
+
+    /// Drops the shares that are due later.
+    pub fn drop_after(&mut self, due: f64) {
+        let from = self.waiting.partition_point(|waiting| waiting.due <= due);
+        self.spare.extend(self.waiting.drain(from..).map(|waiting| waiting.share));
+    }
+
     /// When the next share is due, seconds.
     pub fn due(&self) -> Option<f64> {
         Some(self.waiting.front()?.due)

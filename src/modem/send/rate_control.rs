@@ -80,8 +80,8 @@ pub struct RateControl {
     credit: f64,
     /// Bytes that were spent beyond a frame's budget. The next frames pay them back.
     debt: f64,
-    /// The frame that was planned last.
-    planned: Option<Allowance>,
+    /// The frames that were planned and not sent yet, the earlier one first.
+    planned: [Option<Allowance>; 2],
     /// When `credit` was right, seconds.
     at: Option<f64>,
 }
@@ -139,7 +139,7 @@ impl RateControl {
             free: f64::NEG_INFINITY,
             credit: 0.0,
             debt: 0.0,
-            planned: None,
+            planned: [None; 2],
             at: None,
         };
         control.credit = control.turn();
@@ -173,23 +173,58 @@ impl RateControl {
         self.free = now + (self.free - now).max(0.0) * before / self.options.bit_rate;
     }
 
-    /// Bytes for the frame exposed at `now`, seconds; `None`: it is not sent. Times must not fall.
+    /// Bytes for the frame exposed at `now`, seconds; `None`: it is not sent. Times must not fall. What was planned
+    /// before and not sent is dropped.
     pub fn plan(&mut self, now: f64) -> Option<usize> {
+        self.planned = [None; 2];
+        self.plan_another(now)
+    }
+
+    /// As [`RateControl::plan`], while the frame planned before is still coded.
+    pub fn plan_another(&mut self, now: f64) -> Option<usize> {
         self.earn(now);
         let turn = self.turn();
         let over = (self.debt - turn).max(0.0);
         self.debt -= over;
         self.credit -= over;
+        let coming = self.planned[0].unwrap_or(Allowance { budget: 0.0, repaid: 0.0 });
+        let credit = self.credit - coming.budget - coming.repaid;
         // Rounding of times must not cost a frame.
-        if self.credit < turn * 0.999 {
+        if credit < turn * 0.999 {
             return None;
         }
-        let backlog = (self.free - now).max(0.0) * self.options.bit_rate / 8.0;
-        let repaid = self.debt.min(REPAID * turn);
-        let wanted = turn + SPREAD * (self.credit - turn).max(0.0) - repaid;
+        let backlog = (self.free - now).max(0.0) * self.options.bit_rate / 8.0 + coming.budget;
+        let repaid = (self.debt - coming.repaid).clamp(0.0, REPAID * turn);
+        let wanted = turn + SPREAD * (credit - turn).max(0.0) - repaid;
         let budget = wanted.min(self.reach() - backlog);
-        self.planned = (budget >= 0.5 * turn).then_some(Allowance { budget, repaid });
-        self.planned.map(|plan| plan.budget as usize)
+        let planned = (budget >= 0.5 * turn).then_some(Allowance { budget, repaid });
+        self.planned[usize::from(self.planned[0].is_some())] = planned;
+        planned.map(|plan| plan.budget as usize)
+    }
+
+    /// Plans a frame of so many bytes, whatever the rate says. From here on packets have at most so many modem frames
+    /// of at most `mtu` bytes.
+    pub(super) fn allow(&mut self, budget: usize, mtu: usize, frames: usize) {
+        (self.options.mtu, self.options.max_shares) = (mtu, frames.max(1));
+        let planned = Allowance { budget: budget as f64, repaid: 0.0 };
+        self.planned[usize::from(self.planned[0].is_some())] = Some(planned);
+    }
+
+    /// Drops the earlier of the frames that were planned: nothing of it will be sent.
+    pub fn drop_plan(&mut self) -> bool {
+        self.take_plan().is_some()
+    }
+
+    /// Drops the later of them.
+    pub(super) fn drop_last_plan(&mut self) {
+        let last = if self.planned[1].is_some() { 1 } else { 0 };
+        self.planned[last] = None;
+    }
+
+    fn take_plan(&mut self) -> Option<Allowance> {
+        let [first, second] = self.planned;
+        self.planned = [second, None];
+        first
     }
 
     /// How long a packet may be, bytes: encode it with [`Rate::Bytes`](crate::Rate::Bytes) of as many.
@@ -302,17 +337,22 @@ impl RateControl {
         sharing.count() * (sharing.share_len() + self.options.overhead)
     }
 
-    /// Counts bytes that were given to the link at `now`: first those of the frame that was planned last, then others.
-    /// What goes beyond the frame's budget is paid back by the next frames, a part by each. Returns when the link will
-    /// have sent them, seconds.
+    /// Counts the bytes of the frame that was planned first, given to the link at `now`. What goes beyond its budget is
+    /// paid back by the next frames, a part by each. Returns when the link will have sent them, seconds.
     pub fn sent(&mut self, now: f64, bytes: usize) -> f64 {
         let Allowance { budget, repaid } =
-            self.planned.take().unwrap_or(Allowance { budget: 0.0, repaid: 0.0 });
+            self.take_plan().unwrap_or(Allowance { budget: 0.0, repaid: 0.0 });
         let own = budget.min(bytes as f64);
         self.credit -= own + repaid;
         self.debt += bytes as f64 - own - repaid;
         self.free = self.free.max(now) + bytes as f64 * 8.0 / self.options.bit_rate;
         self.free
+    }
+
+    /// Counts other bytes that were given to the link at `now`: the next frames pay for them.
+    pub fn count(&mut self, now: f64, bytes: usize) {
+        self.debt += bytes as f64;
+        self.free = self.free.max(now) + bytes as f64 * 8.0 / self.options.bit_rate;
     }
 
     /// The link carries another bit rate from `now` on: what waits takes another time, and the next frame's budget is

@@ -205,8 +205,10 @@ pub struct Sender {
     interleaver: Interleaver,
     /// Shares that may wait.
     room: usize,
-    /// The frame that is to come.
-    planned: Option<PlannedFrame>,
+    /// The frames that are to come, the earlier one first.
+    planned: [Option<PlannedFrame>; 2],
+    /// Modem frames are pulled.
+    is_pulled: bool,
     /// Bytes of the last packet's truth map.
     told: usize,
     /// Frame number of the last packet, to complete those of packets that state it in part.
@@ -280,7 +282,8 @@ impl Sender {
             },
             interleaver: Interleaver::with_room(spread, room, mtu)?,
             room,
-            planned: None,
+            planned: [None; 2],
+            is_pulled: false,
             told: 0,
             last: None,
             history: options.expect_reports.then(|| History::new(&options.control)).transpose()?,
@@ -310,26 +313,90 @@ impl Sender {
     /// # Errors
     /// If the time is not finite.
     pub fn plan(&mut self, now: f64) -> Result<Option<usize>, ModemError> {
-        check_time(now)?;
-        let max = self.options.max_shares();
-        let planned = match &mut self.way {
-            Way::Unprotected(link, None) => return Ok(Some(link.longest(max))),
-            Way::Unprotected(link, Some(control)) => {
-                control.plan(now).and_then(|budget| Some((budget, link.capacity(budget)?)))
-            }
-            Way::Layers(control) => {
-                let budget = control.plan(now);
-                budget.and_then(|budget| {
-                    Some((budget, control.capacity_told(budget, self.told).ok()?))
-                })
-            }
-        };
-        self.planned = planned.map(|(budget, _)| PlannedFrame { budget, exposed: now });
-        self.statistics.left_out += u64::from(planned.is_none());
-        Ok(planned.map(|(_, capacity)| capacity))
+        while self.drop_plan() {}
+        self.plan_another(now)
     }
 
-    /// Takes the packet of the frame that was planned last, and the user bytes that travel with it. It is ready at
+    /// As [`Sender::plan`], while the frame planned before is still coded. Packets come in the order of plans.
+    ///
+    /// # Errors
+    /// As [`Sender::plan`].
+    pub fn plan_another(&mut self, now: f64) -> Result<Option<usize>, ModemError> {
+        check_time(now)?;
+        let budget = match self.way.control_mut() {
+            Some(control) => control.plan_another(now),
+            None => return Ok(Some(self.longest())),
+        };
+        Ok(self.planned(now, budget))
+    }
+
+    /// As [`Sender::plan_another`], for so many modem frames of at most `most` bytes, whatever the rate says: modem
+    /// frames are pulled from here on, those of the newest packet first. Without protection the topside knows the MTU,
+    /// so they have that.
+    ///
+    /// # Errors
+    /// As [`Sender::plan`].
+    pub fn plan_frames(
+        &mut self,
+        now: f64,
+        frames: usize,
+        most: usize,
+    ) -> Result<Option<usize>, ModemError> {
+        check_time(now)?;
+        self.is_pulled = true;
+        let RateControlOptions { mtu, overhead, max_shares, .. } = self.options.control;
+        let tag = self.keyed.as_ref().map_or(0, Keyed::overhead);
+        let most = match self.way {
+            Way::Layers(_) => most.saturating_sub(tag).clamp(MIN_CHECKED_MTU, mtu),
+            Way::Unprotected(..) => mtu,
+        };
+        let budget = frames.saturating_mul(most.saturating_add(overhead));
+        match self.way.control_mut() {
+            Some(control) => control.allow(budget, most, frames.min(max_shares)),
+            None => return Ok(Some(self.longest())),
+        }
+        Ok(self.planned(now, Some(budget)))
+    }
+
+    /// The longest packet that can be sent without a rate.
+    fn longest(&self) -> usize {
+        match &self.way {
+            Way::Unprotected(link, _) => link.longest(self.options.max_shares()),
+            Way::Layers(_) => 0,
+        }
+    }
+
+    /// Notes a frame's budget. Returns how long its packet may be.
+    fn planned(&mut self, exposed: f64, budget: Option<usize>) -> Option<usize> {
+        let told = self.told;
+        let planned = budget.and_then(|budget| {
+            let capacity = match &self.way {
+                Way::Unprotected(link, _) => link.capacity(budget)?,
+                Way::Layers(control) => control.capacity_told(budget, told).ok()?,
+            };
+            Some((PlannedFrame { budget, exposed }, capacity))
+        });
+        match planned {
+            Some((frame, _)) => self.planned[usize::from(self.planned[0].is_some())] = Some(frame),
+            None => {
+                if let (Some(_), Some(control)) = (budget, self.way.control_mut()) {
+                    control.drop_last_plan();
+                }
+                self.statistics.left_out += 1;
+            }
+        }
+        planned.map(|(_, capacity)| capacity)
+    }
+
+    /// Drops the earlier of the frames that were planned: no packet comes of it. `false`: none was.
+    pub fn drop_plan(&mut self) -> bool {
+        let [first, second] = self.planned;
+        self.planned = [second, None];
+        let dropped = self.way.control_mut().is_some_and(RateControl::drop_plan);
+        first.is_some() || dropped
+    }
+
+    /// Takes the packet of the frame that was planned first, and the user bytes that travel with it. It is ready at
     /// `now`, seconds. Returns how it is divided.
     ///
     /// A packet that also tells the camera may be longer than planned. It takes more of the link for once. Of a packet
@@ -352,11 +419,19 @@ impl Sender {
             return Err(ModemError::UserBytes(user_len.unwrap_or(0)));
         }
         let (division, exposed, number) = self.make_shares(packet, user)?;
-        self.planned = None;
+        self.planned = [self.planned[1], None];
         if let Some(control) = self.way.control_mut() {
             control.sent(now, division.link_bytes);
         }
-        self.interleaver.push(now, &self.sharer);
+        match self.is_pulled {
+            // The newest first, then what is left of the one before.
+            true => {
+                let newest = -(self.statistics.packets as f64);
+                self.interleaver.drop_after(newest + 1.0);
+                self.interleaver.push(newest, &self.sharer);
+            }
+            false => self.interleaver.push(now, &self.sharer),
+        }
         let frame = nearest_frame(number, Latent::FRAMES, self.last);
         self.last = Some(frame);
         if let Some(history) = &mut self.history {
@@ -390,7 +465,7 @@ impl Sender {
         user: Option<&[u8]>,
     ) -> Result<(Division, f64, u32), ModemError> {
         let unpaced = self.way.control().is_none();
-        let plan = self.planned.or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
+        let plan = self.planned[0].or(unpaced.then_some(PlannedFrame { budget: 0, exposed: 0.0 }));
         let PlannedFrame { budget, exposed } = plan.ok_or(ModemError::NotPlanned)?;
         let Extent { frame, head, told, .. } = Extent::read(packet)?;
         let left_out = self.travelling().left_out(packet[0]).len();
@@ -499,7 +574,7 @@ impl Sender {
                 self.interleaver.push_share(now, share);
                 processed.shares += 1;
                 processed.bytes += on_link(1, share.len());
-                control.sent(now, on_link(1, share.len()));
+                control.count(now, on_link(1, share.len()));
                 self.statistics.resent += 1;
             }
         }
@@ -517,6 +592,25 @@ impl Sender {
     pub fn next_len(&self, now: f64) -> Option<usize> {
         let overhead = self.keyed.as_ref().map_or(0, Keyed::overhead);
         Some(self.interleaver.next_len(now)? + overhead)
+    }
+
+    /// The next modem frame, whenever it is due, if it has at most so many bytes.
+    pub fn pull(&mut self, most: usize) -> Option<&[u8]> {
+        self.next_len(f64::INFINITY).filter(|len| *len <= most)?;
+        Some(self.next(f64::INFINITY)?.1)
+    }
+
+    /// Bytes of the modem frames that wait of the newest packet that is pulled, with what they cost on the link.
+    pub fn pulled_bytes(&self) -> usize {
+        let newest = 1.0 - self.statistics.packets as f64;
+        let overhead = self.options.control.overhead;
+        let own = self.interleaver.waiting().filter(|(due, _)| *due <= newest);
+        own.map(|(_, len)| len.saturating_add(overhead)).sum()
+    }
+
+    /// Most bytes of a modem frame, its tag counted.
+    pub fn mtu(&self) -> usize {
+        self.options.control.mtu + self.keyed.as_ref().map_or(0, Keyed::overhead)
     }
 
     /// When the next modem frame is due, seconds. `None`: none waits.
@@ -541,7 +635,7 @@ impl Sender {
     pub fn count(&mut self, now: f64, bytes: usize) -> Result<(), ModemError> {
         check_time(now)?;
         if let Some(control) = self.way.control_mut() {
-            control.sent(now, bytes);
+            control.count(now, bytes);
         }
         Ok(())
     }

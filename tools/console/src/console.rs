@@ -31,16 +31,18 @@ use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
 
 use nvsprior::Engine;
+use nvsprior::link::TopsideLink;
 use nvsprior::vulkan::DeviceKind;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 use nvsprior_inputs::keys::KeyArgs;
 
 use crate::endpoint;
 use crate::journal::LogArgs;
-use crate::key_state::{KeyState, Side};
+use crate::state_file::{self, Side, StateFile};
 use event::EVENTS;
 use input::SourceArgs;
 use keeper::Keeper;
+use pictures::Pictures;
 use resume::Resume;
 use server::Server;
 use topside::{Topside, TopsideOptions};
@@ -103,15 +105,18 @@ impl FilterUse {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let (events, came) = sync_channel(EVENTS);
     // Ports and files are looked at before the device is opened: that takes seconds.
-    let mut keys = args.key.open()?;
     let source = args.source.open(args.mtu.into())?;
-    let mut key_state = None;
+    let mut link = Pictures::options(args.mtu.into());
+    link.keys = args.key.open()?;
+    let mut state = None;
     // Of a recording all passes once more.
     if !source.is_recording()
-        && let Some((path, held)) = args.key.key.as_ref().zip(keys.take())
+        && let Some(key) = &args.key.key
     {
-        let (held, state) = KeyState::open(path, Side::Topside, held)?;
-        (keys, key_state) = (Some(held), Some(state));
+        let (stored, file) = StateFile::open(key, Side::Topside)?;
+        link.state = stored;
+        state_file::check(TopsideLink::new(&link), &file)?;
+        state = Some(file);
     }
     let journal = args.log.open("console")?;
     let server = Server::bind(args.listen)?;
@@ -125,7 +130,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior_file = args.prior.prior.file_name().unwrap_or_default().display().to_string();
     let options = TopsideOptions {
         prior_file,
-        mtu: args.mtu.into(),
+        link,
         source: source.name(),
         clock: source.clock(),
         return_path: source.return_path()?,
@@ -136,8 +141,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         video: video.map(|target| target.start(source.clock())).transpose()?,
         filter: args.filter.on(&engine),
         key: args.key.key.as_ref().map(|_| args.key.to_string()),
-        keys,
-        key_state,
+        state,
     };
     let (topside, published) = Topside::new(&engine, &prior, options)?;
     source.start(events.clone())?;

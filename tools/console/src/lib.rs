@@ -8,7 +8,7 @@ pub mod channel;
 pub mod console;
 mod endpoint;
 mod journal;
-mod key_state;
+mod state_file;
 pub mod vehicle;
 
 #[cfg(test)]

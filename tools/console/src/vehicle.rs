@@ -1,35 +1,27 @@
 //! `nvsprior vehicle`: frames to modem frames, as datagrams.
 
 mod frames;
-mod pace;
-mod reports;
 
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use nvsprior::Picture;
-use nvsprior::keys::Keys;
-use nvsprior::modem::{
-    Loss, ModemError, Protection, RateControlOptions, Report, Sender, SenderOptions,
+use nvsprior::link::{
+    CameraFrame, LinkError, Pacing, Vehicle, VehicleEvent, VehicleLink, VehicleOptions,
 };
+use nvsprior::modem::Loss;
 use nvsprior::tracking::FrameInfo;
+use nvsprior::{EncoderOptions, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
-use nvsprior_link::age_limit::AgeLimit;
-use nvsprior_link::exposure::{self, ClockSource, EXPOSURE_LEN, TopsideClock};
-use nvsprior_link::pilot::{PilotMessage, Region};
-use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
 
 use crate::endpoint;
 use crate::journal::{Journal, LogArgs, utc};
-use crate::key_state::{KeyState, Side};
+use crate::state_file::{self, Side, StateFile};
 use frames::{Frames, Next, Size};
-use pace::Pace;
-use reports::{FullPackets, Heard, Hearing};
 
 /// Send frames to a topside: the vehicle's half of a working link
 ///
@@ -99,83 +91,70 @@ struct LinkArgs {
     /// Fewest bytes for a picture, all counted: below it frames are left out
     #[arg(long = "least", value_name = "BYTES", default_value_t = 100, value_parser = values::count)]
     min_bytes: usize,
-    /// Most modem frames of a packet
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
-    shares: u16,
+    /// Most modem frames of a packet [default: as many as MTU and rate take, 16 to 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
+    shares: Option<u16>,
 }
 
 impl Args {
-    /// # Errors
-    /// If the link cannot be.
-    fn sender(&self, keys: Option<&Keys>) -> Result<SenderOptions, ModemError> {
+    fn link(&self) -> anyhow::Result<(VehicleOptions, Option<StateFile>)> {
         let link = &self.link;
-        let loss = Loss { chance: link.assume_loss, burst: link.burst };
-        let left = (link.latency - link.delay).max(0.0);
-        let control = RateControlOptions {
-            bit_rate: link.bit_rate,
-            mtu: link.mtu.into(),
+        let (state, file) = match &self.key.key {
+            Some(key) => {
+                StateFile::open(key, Side::Vehicle).map(|(state, file)| (state, Some(file)))?
+            }
+            None => (Vec::new(), None),
+        };
+        let options = VehicleOptions {
+            pacing: Pacing::Rate(link.bit_rate),
             overhead: link.overhead,
             latency: link.latency,
             delay: link.delay,
-            spread: if loss.chance > 0.0 { 0.25 * left } else { 0.0 },
-            frame_rate: self.frame_rate,
+            loss: Loss { chance: link.assume_loss, burst: link.burst },
             min_bytes: link.min_bytes,
-            max_shares: link.shares.into(),
-            loss,
-            user: Some(EXPOSURE_LEN),
+            max_shares: link.shares.map(usize::from),
+            is_utc: true,
+            keys: self.key.open()?,
+            state,
+            ..VehicleOptions::new(link.mtu.into(), link.bit_rate, self.frame_rate)
         };
-        let options = SenderOptions {
-            control,
-            stream: 0,
-            protection: Protection::Layers,
-            expect_reports: true,
-        };
-        match keys {
-            Some(keys) => Sender::with_keys(options, keys)?,
-            None => Sender::new(options)?,
-        };
-        Ok(options)
+        let made = VehicleLink::new(&options);
+        match &file {
+            Some(file) => state_file::check(made, file)?,
+            None => _ = made.map_err(|error| WrongUsage(error.to_string()))?,
+        }
+        Ok((options, file))
+    }
+
+    fn encoder(&self) -> anyhow::Result<EncoderOptions> {
+        let (mode, tune) = (self.mode.mode(true)?, self.tune.tune());
+        Ok(EncoderOptions { threshold: self.threshold, mode, tune, ..Default::default() })
     }
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let keys = args.key.open()?;
-    let sender = args.sender(keys.as_ref()).map_err(|error| WrongUsage(error.to_string()))?;
-    let mode = args.mode.mode(true)?;
+    let (options, state) = args.link()?;
+    let encoder = args.encoder()?;
     let frames = Frames::open(&args.input, args.raw, args.forth_and_back)?;
     let socket = endpoint::connect(args.to)?;
     let journal = args.log.open("vehicle")?;
-    let keyed = args.key.key.as_ref().zip(keys);
-    let keyed = keyed.map(|(path, keys)| KeyState::open(path, Side::Vehicle, keys)).transpose()?;
-    let (keys, key_state) = keyed.unzip();
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
-    let (threshold, frames_treated) = (args.threshold, false);
-    let tune = args.tune.tune();
-    let options = VehicleOptions {
-        sender,
-        mode,
-        tune,
-        threshold,
-        frames_treated,
-        truth: true,
-        predict_poses: true,
-    };
-    let vehicle = Vehicle::new(&engine, &scene, frames.camera(), &options, keys.as_ref())?;
+    let vehicle = Vehicle::new(&engine, &scene, frames.camera(), encoder, &options)?;
     let mut dive = Dive {
         start: Instant::now(),
+        start_utc: utc(),
         vehicle,
         journal,
         key: args.key.to_string(),
-        hearing: Hearing::default(),
-        full: FullPackets::default(),
-        key_state,
+        state,
         socket,
         bit_rate: args.link.bit_rate,
+        frame_rate: args.frame_rate,
         overhead: args.link.overhead,
-        limit: AgeLimit::of(&sender.control),
-        clock: TopsideClock::default(),
-        region: None,
+        latency: args.link.latency,
+        mtu: args.link.mtu.into(),
+        is_slow: false,
         free: 0.0,
         buffer: vec![0; endpoint::DATAGRAM],
         counts: Counts::default(),
@@ -183,7 +162,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = args.prior.prior.display();
     let start = format!("{} bit/s to {}, with {prior} ({})", dive.bit_rate, args.to, scene.id());
     dive.tell("start", &start);
-    dive.go(frames, args.frame_rate)?;
+    dive.go(frames)?;
     let Counts { frames, packets, uncertain, reports } = dive.counts;
     let end = format!(
         "{packets} of {frames} frames sent, {uncertain} not certain; {reports} reports came"
@@ -208,20 +187,20 @@ struct Counts {
 
 struct Dive {
     start: Instant,
+    start_utc: f64,
     vehicle: Vehicle,
     journal: Journal,
     /// What the user calls it.
     key: String,
-    hearing: Hearing,
-    full: FullPackets,
-    key_state: Option<KeyState>,
+    /// Where the vehicle's state is stored; `None`: there are no keys.
+    state: Option<StateFile>,
     socket: UdpSocket,
     bit_rate: f64,
+    frame_rate: f64,
     overhead: usize,
-    /// Of the age of pictures, as packets tell it.
-    limit: AgeLimit,
-    clock: TopsideClock,
-    region: Option<Region>,
+    latency: f64,
+    mtu: usize,
+    is_slow: bool,
     /// When the link has sent what it was given, seconds since the start.
     free: f64,
     buffer: Vec<u8>,
@@ -234,69 +213,47 @@ impl Dive {
         self.start.elapsed().as_secs_f64()
     }
 
+    /// The same as UTC: a clock that is set in the middle of a dive changes nothing.
+    fn utc(&self) -> f64 {
+        self.start_utc + self.now()
+    }
+
     /// Tells what happens now.
     fn tell(&mut self, event: &str, text: &str) {
         self.journal.tell(utc(), event, text);
     }
 
-    fn go(&mut self, mut frames: Frames, frame_rate: f64) -> anyhow::Result<()> {
+    fn go(&mut self, mut frames: Frames) -> anyhow::Result<()> {
         let mut first = Some(frames.first());
-        let (mut pace, mut is_slow) = (Pace::full(), false);
         loop {
-            match frames.next(self.now(), frame_rate)? {
+            match frames.next(self.now(), self.frame_rate)? {
                 Next::Frame(frame) => {
-                    self.work_until(frame.number as f64 / frame_rate)?;
-                    let number = pace.number(frame.number);
-                    self.send(number, &frame.picture, first.take().unwrap_or_default())?;
-                    let Some(part) = pace.take(frame.number) else { continue };
-                    let taken = frame_rate * part;
-                    // Each frame then has its part of the rate.
-                    self.vehicle.set_frame_rate(taken)?;
-                    if part < 1.0 && !std::mem::replace(&mut is_slow, true) {
-                        let text = format!(
-                            "too slow for {frame_rate} frames per second, takes {taken:.1}"
-                        );
-                        self.tell("slow", &text);
-                    }
+                    self.work_until(frame.number as f64 / self.frame_rate)?;
+                    self.send(&frame.picture, first.take().unwrap_or_default())?;
                 }
                 Next::Wait => self.work_until(self.now() + WAIT)?,
                 Next::End => break,
             }
         }
         // What is left goes out.
-        let last = self.now() + self.vehicle.latency();
+        let last = self.now() + self.latency;
         self.work_until(last)
     }
 
     /// Sends a frame that is exposed now.
-    fn send(&mut self, number: usize, picture: &Picture, info: FrameInfo) -> anyhow::Result<()> {
-        let exposed = self.now();
-        let user = self.stamp(exposed);
+    fn send(&mut self, picture: &Picture, info: FrameInfo) -> anyhow::Result<()> {
+        let (start, start_utc, exposed) = (self.start, self.start_utc, self.utc());
         self.counts.frames += 1;
-        let taken = CameraFrame {
-            number,
-            exposed,
-            picture,
-            info: FrameInfo { time: Some(exposed), ..info },
-            user: Some(&user),
-        };
-        let start = self.start;
-        let packet = self.vehicle.take(&taken, || start.elapsed().as_secs_f64())?;
-        let Some(packet) = packet else { return Ok(()) };
-        self.counts.packets += 1;
-        self.counts.uncertain += usize::from(!packet.certain);
-        let seconds = packet.bytes.total() as f64 * 8.0 / self.bit_rate;
-        self.full.sent(self.now(), seconds);
-        self.send_due();
-        Ok(())
-    }
-
-    /// When a frame was exposed, as its packet tells it.
-    fn stamp(&self, exposed: f64) -> [u8; EXPOSURE_LEN] {
-        match self.clock.at(exposed) {
-            Some(topside) => exposure::written(topside, ClockSource::Reports, self.limit),
-            None => exposure::written(utc(), ClockSource::Vehicle, self.limit),
+        let frame = CameraFrame { exposed, picture, info, user: &[] };
+        let ready = || start_utc + start.elapsed().as_secs_f64();
+        let sent = self.vehicle.frame(exposed, &frame, ready)?;
+        if sent.is_some() {
+            self.counts.packets += 1;
+            self.counts.uncertain += usize::from(!self.vehicle.encoded().stats.certain);
+            self.send_due()?;
         }
+        self.tell_events();
+        Ok(())
     }
 
     /// Takes what waits on the socket, however late it is: a vehicle that is slower than its frame rate would hear
@@ -315,47 +272,70 @@ impl Dive {
     fn take_datagram(&mut self, within: Option<Duration>) -> anyhow::Result<bool> {
         let received = endpoint::receive(&self.socket, within, &mut self.buffer)?;
         let Some((bytes, _)) = received else { return Ok(false) };
-        let Ok((report, user)) = self.vehicle.read_report(bytes) else {
-            let heard = self.hearing.stranger();
-            self.tell_heard(heard);
-            return Ok(true);
-        };
-        let message = user.and_then(PilotMessage::read);
-        self.take_report(&report, message)?;
+        let now = self.start_utc + self.start.elapsed().as_secs_f64();
+        let taken = self.vehicle.link().receive(now, bytes);
+        self.counts.reports += usize::from(taken.is_ok());
+        self.tell_events();
         Ok(true)
     }
 
-    fn tell_heard(&mut self, heard: Option<Heard>) {
-        let Some(heard) = heard else { return };
-        let key = &self.key;
-        let (event, text) = match heard {
-            Heard::Came => ("topside", "the topside is heard".into()),
-            Heard::Away(seconds) => (
+    fn tell_events(&mut self) {
+        while let Some(event) = self.vehicle.link().event() {
+            self.tell_event(event);
+        }
+    }
+
+    fn tell_event(&mut self, event: VehicleEvent) {
+        let (event, text) = match event {
+            VehicleEvent::TopsideHeard => ("topside", "the topside is heard".into()),
+            VehicleEvent::TopsideSilent(seconds) => (
                 "silence",
                 format!("no report has come for {seconds:.0} s; frames are sent all the same"),
             ),
-            Heard::Strangers(count) => (
-                "keys",
-                format!(
+            VehicleEvent::Strangers(count) => {
+                let key = &self.key;
+                let text = format!(
                     "{count} datagrams came, and no report that can be read with {key}; give both sides the same"
-                ),
-            ),
+                );
+                ("keys", text)
+            }
+            VehicleEvent::Asked => ("asked", "the topside asks for a full packet".into()),
+            VehicleEvent::Region(Some(_)) => ("region", "a region of interest".into()),
+            VehicleEvent::Region(None) => ("region", "no region".into()),
+            VehicleEvent::FrameRate(rate) if rate < self.frame_rate && !self.is_slow => {
+                self.is_slow = true;
+                let most = self.frame_rate;
+                ("slow", format!("too slow for {most} frames per second, takes {rate:.1}"))
+            }
+            VehicleEvent::Store => return self.store(),
+            VehicleEvent::FrameRate(_) | VehicleEvent::User => return,
         };
         self.tell(event, &text);
+    }
+
+    /// Stores what a vehicle with keys needs to start again. If it cannot be written, the dive goes on: a start again
+    /// then takes another epoch.
+    fn store(&mut self) {
+        let Some(file) = &mut self.state else { return };
+        let mut state = Vec::new();
+        self.vehicle.link().state(&mut state);
+        if let Err(error) = file.write(&state) {
+            eprintln!("{error}; before a start again, give both sides the next --epoch");
+            self.state = None;
+        }
     }
 
     /// Sends what is due and takes reports, until a time.
     fn work_until(&mut self, time: f64) -> anyhow::Result<()> {
         self.take_waiting()?;
-        let heard = self.hearing.silence(self.now());
-        self.tell_heard(heard);
         loop {
-            self.send_due();
+            self.send_due()?;
             let now = self.now();
             if now >= time {
                 return Ok(());
             }
-            let due = self.vehicle.due().map(|due| due.max(self.free)).unwrap_or(f64::INFINITY);
+            let due = self.vehicle.link().due().map(|due| (due - self.start_utc).max(self.free));
+            let due = due.unwrap_or(f64::INFINITY);
             let within = Duration::from_secs_f64((due.min(time) - now).clamp(0.0, 1.0));
             self.take_datagram(Some(within))?;
         }
@@ -363,59 +343,18 @@ impl Dive {
 
     /// Sends the modem frames that are due, as fast as the link takes them. Those that waited for the encoder follow
     /// each other: the link's own queue has them then.
-    fn send_due(&mut self) {
+    fn send_due(&mut self) -> Result<(), LinkError> {
         let now = self.now();
-        self.keep_numbers();
+        // What is to be stored is stored before more goes.
+        self.tell_events();
         while self.free <= now
-            && let Some((due, share)) = self.vehicle.next_share(now)
+            && let due = self.vehicle.link().due()
+            && let Some(frame) = self.vehicle.link().transmit(self.start_utc + now, self.mtu)?
         {
             // That nobody listens is no failure: they may do so later.
-            let _ = self.socket.send(share);
-            let seconds = (share.len() + self.overhead) as f64 * 8.0 / self.bit_rate;
-            self.free = self.free.max(due) + seconds;
-        }
-    }
-
-    /// Keeps what a vehicle with keys needs to start again. If it cannot be written, the dive goes on: a start again
-    /// then takes another epoch.
-    fn keep_numbers(&mut self) {
-        let Some((state, next)) = self.key_state.as_mut().zip(self.vehicle.next_number()) else {
-            return;
-        };
-        if let Err(error) = state.keep(next, self.vehicle.seen()) {
-            eprintln!("{error}; before a start again, give both sides the next --epoch");
-            self.key_state = None;
-        }
-    }
-
-    fn take_report(
-        &mut self,
-        report: &Report,
-        message: Option<PilotMessage>,
-    ) -> anyhow::Result<()> {
-        let now = self.now();
-        // A report of another stream is none for this vehicle.
-        if self.vehicle.process_report(now, report).is_err() {
-            return Ok(());
-        }
-        self.counts.reports += 1;
-        let heard = self.hearing.report(now);
-        self.tell_heard(heard);
-        let Some(PilotMessage { sent, announce, region }) = message else { return Ok(()) };
-        self.clock.reported(now, sent);
-        if announce && self.full.ask(now) {
-            self.vehicle.encoder().announce();
-            self.tell("asked", "the topside asks for a full packet");
-        }
-        if region != self.region {
-            let encoder = self.vehicle.encoder();
-            let size = (encoder.camera().width, encoder.camera().height);
-            encoder.set_interest(region.map(|region| region.interest(size)).transpose()?);
-            self.region = region;
-            self.tell(
-                "region",
-                if region.is_some() { "a region of interest" } else { "no region" },
-            );
+            let _ = self.socket.send(frame);
+            let seconds = (frame.len() + self.overhead) as f64 * 8.0 / self.bit_rate;
+            self.free = self.free.max(due.map_or(now, |due| due - self.start_utc)) + seconds;
         }
         Ok(())
     }

@@ -5,8 +5,8 @@ mod chart;
 mod footage;
 mod region;
 mod report;
+mod sent;
 mod simulation;
-mod topside;
 mod video;
 
 use std::path::PathBuf;
@@ -14,12 +14,12 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
 use nvsprior::keys::Keys;
-use nvsprior::modem::{
-    Loss, MIN_CHECKED_MTU, MIN_MTU, ModemError, Protection, RateControlOptions, Sender,
-    SenderOptions,
+use nvsprior::link::{
+    LinkError, Playout, TopsideLink, TopsideOptions, VehicleLink, VehicleOptions,
 };
+use nvsprior::modem::{Loss, MIN_CHECKED_MTU, MIN_MTU, Protection};
 use nvsprior::residual::Tune;
-use nvsprior::{Mode, Picture};
+use nvsprior::{EncoderOptions, Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::keys::KeyArgs;
@@ -27,7 +27,6 @@ use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::channel::ChannelOptions;
-use nvsprior_link::vehicle::VehicleOptions;
 
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
@@ -209,6 +208,15 @@ const GOOD_PICTURE: usize = 40;
 const BARE_PICTURE: usize = 24;
 /// Seconds from exposure to display.
 const LATENCY: f64 = 1.5;
+/// Packets that the topside holds.
+const PACKETS: usize = 64;
+/// Seconds on either side of a frame that did not come, between which its pose is looked for: at least so many, and as
+/// many as lie between two pictures of a slow link.
+const REACH: f64 = 1.0;
+/// A packet may take longer than its fewest bytes do, by so much.
+const SLOWER: f64 = 1.5;
+/// Camera frames after which a packet is stale at the latest: shares name frames modulo 256.
+const STALE: f64 = 120.0;
 /// Times that a picture takes on the link for which its latency has room: those before it may take longer.
 const ROOM: f64 = 1.5;
 
@@ -229,7 +237,7 @@ impl LinkArgs {
         mode: Mode,
         keys: Option<&Keys>,
         args: &Args,
-    ) -> Result<Setting, ModemError> {
+    ) -> Result<Setting, LinkError> {
         let fps = args.fps;
         let (bit_rate, mtu, propagation) = match self.preset {
             None => (5_000.0, 64, 0.1),
@@ -269,50 +277,61 @@ impl LinkArgs {
             shares: self.shares.into(),
             seed: self.seed,
         };
-        match keys {
-            Some(keys) => Sender::with_keys(setting.sender(), keys)?,
-            None => Sender::new(setting.sender())?,
-        };
+        VehicleLink::new(&setting.vehicle())?;
+        TopsideLink::new(&setting.topside())?;
         Ok(setting)
     }
 }
 
 impl Setting {
-    fn sender(&self) -> SenderOptions {
-        let control = RateControlOptions {
-            bit_rate: self.bit_rate,
-            mtu: self.mtu,
+    fn vehicle(&self) -> VehicleOptions {
+        VehicleOptions {
             overhead: self.overhead,
             latency: self.latency,
             delay: self.coding + self.propagation,
-            spread: self.spread,
-            frame_rate: self.frame_rate,
+            spread: Some(self.spread),
+            picture_rate: Some(self.frame_rate),
             min_bytes: self.min_bytes,
-            max_shares: self.shares,
+            max_shares: Some(self.shares),
             loss: self.assumed,
-            user: None,
-        };
-        SenderOptions {
-            control,
-            stream: 0,
             protection: match self.mtu {
                 ..MIN_CHECKED_MTU => Protection::None,
                 MIN_CHECKED_MTU.. => Protection::Layers,
             },
             expect_reports: self.return_delay.is_some(),
+            state_poses: !self.predict_poses,
+            has_stamps: false,
+            keys: self.keys.clone(),
+            ..VehicleOptions::new(self.mtu, self.bit_rate, self.fps)
         }
     }
 
-    /// The vehicle's side; [`Footage`] has its frames treated.
-    fn vehicle(&self, threshold: f64) -> VehicleOptions {
-        VehicleOptions {
-            sender: self.sender(),
-            mode: self.mode,
-            tune: self.tune,
-            threshold,
-            frames_treated: true,
-            truth: true,
-            predict_poses: self.predict_poses,
+    /// [`Footage`] has its frames treated.
+    fn encoder(&self, threshold: f64) -> EncoderOptions {
+        let (mode, tune) = (self.mode, self.tune);
+        EncoderOptions { threshold, frames_treated: true, mode, tune, ..Default::default() }
+    }
+
+    /// Seconds on either side of a frame that did not come, between which its pose is looked for.
+    fn reach(&self) -> f64 {
+        REACH.max(SLOWER * 8.0 * self.min_bytes as f64 / self.bit_rate)
+    }
+
+    /// The same in camera frames.
+    fn reach_frames(&self) -> u32 {
+        ((self.reach() * self.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1)
+    }
+
+    fn topside(&self) -> TopsideOptions {
+        TopsideOptions {
+            playout: Playout::OnDemand,
+            max_shares: Some(self.shares),
+            packets: PACKETS,
+            age: Some((self.latency + 2.0 * self.reach()).min(STALE / self.fps)),
+            // The simulation asks when it wants one.
+            report_every: Some(0.0),
+            keys: self.keys.clone(),
+            ..TopsideOptions::new(self.mtu)
         }
     }
 
@@ -335,7 +354,7 @@ impl Args {
     /// One setting for each loss.
     fn settings(&self, mode: Mode, keys: Option<&Keys>) -> Result<Vec<Setting>, WrongUsage> {
         let losses = self.link.loss.iter();
-        let settings: Result<_, ModemError> =
+        let settings: Result<_, LinkError> =
             losses.map(|loss| self.link.setting(*loss, mode, keys, self)).collect();
         settings.map_err(|error| WrongUsage(error.to_string()))
     }

@@ -1,14 +1,10 @@
 //! What the simulated link (`nvsprior link`) shares with the programs of a working one (`nvsprior vehicle`, `channel`
-//! and `console`): the vehicle's end, the channel, and what pilot and vehicle tell each other in user bytes.
+//! and `console`): the channel, and the order of frames. The ends are [`nvsprior::link`].
 
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
-pub mod age_limit;
 pub mod channel;
-pub mod exposure;
-pub mod pilot;
-pub mod vehicle;
 
 /// Which of `count` frames comes at place `k`, if they are gone through forth and back.
 pub fn forth_and_back(k: usize, count: usize) -> usize {

@@ -119,13 +119,15 @@ fn a_key_needs_room_and_its_arguments_need_a_key() {
         dive.run(&format!("{link} {args}")).ends_with(2).says(named);
     }
     // Who cannot keep its numbers is told before work begins.
-    std::fs::write(dive.path("own.key.vehicle"), "epoch 7\nnext 5\n").unwrap();
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     let vehicle = format!(
         "vehicle --prior prior.ply --cameras cameras.json --to {} --key own.key --epoch",
         socket.local_addr().unwrap()
     );
-    dive.run(&format!("{vehicle} 6")).ends_with(1).says("epoch 7 was used with this key already");
-    std::fs::write(dive.path("own.key.vehicle"), "epoch 7\nwhat\n").unwrap();
-    dive.run(&format!("{vehicle} 7")).ends_with(1).says("own.key.vehicle: line 2");
+    dive.run(&format!("{vehicle} 7 --frame-rate 60")).ends_with(0);
+    dive.run(&format!("{vehicle} 6")).ends_with(1).says("own.key.vehicle").says("in epoch 7");
+    let mut state = std::fs::read(dive.path("own.key.vehicle")).unwrap();
+    state[9] ^= 1;
+    std::fs::write(dive.path("own.key.vehicle"), state).unwrap();
+    dive.run(&format!("{vehicle} 8")).ends_with(1).says("own.key.vehicle").says("damaged");
 }

@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use nvsprior_link::pilot::Region;
+use nvsprior::link::Region;
 
 /// Events that may wait. If there are more datagrams, the next ones are dropped.
 pub const EVENTS: usize = 1024;

@@ -6,11 +6,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use nvsprior::keys::Keys;
+use nvsprior::link::{Region, TopsideOptions as LinkOptions, VERY_OLD, Worth};
 use nvsprior::{Engine, Picture, Prior};
-use nvsprior_link::age_limit::VERY_OLD;
-use nvsprior_link::exposure;
-use nvsprior_link::pilot::{PilotMessage, Region};
 use tokio::sync::watch;
 
 use super::clock::Clock;
@@ -21,18 +18,19 @@ use super::keeper::Keeper;
 use super::link_log::LinkLog;
 use super::missing::{Missing, ThisSide, Watch};
 use super::overlay::MemoryView;
-use super::pictures::{Pictures, Shown, Worth};
+use super::pictures::{Pictures, Shown};
 use super::resume::{Kept, Resume};
 use super::scene_views::SceneViews;
 use super::state::{Alarm, LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
 use crate::journal::{Journal, utc};
-use crate::key_state::KeyState;
+use crate::state_file::StateFile;
 
 pub struct TopsideOptions {
     /// Name of the prior's file.
     pub prior_file: String,
-    pub mtu: usize,
+    /// How the link's end is set up: [`Pictures::options`].
+    pub link: LinkOptions,
     pub source: String,
     pub clock: Clock,
     pub return_path: ReturnPath,
@@ -45,10 +43,8 @@ pub struct TopsideOptions {
     pub filter: bool,
     /// Which key this side has, for the pilot.
     pub key: Option<String>,
-    /// Those of the vehicle's modem frames.
-    pub keys: Option<Keys>,
-    /// Keeps which of them came.
-    pub key_state: Option<KeyState>,
+    /// Keeps which modem frames came, with keys.
+    pub state: Option<StateFile>,
 }
 
 /// What the page gets.
@@ -75,10 +71,6 @@ impl Published {
     }
 }
 
-/// Seconds between two reports.
-const REPORT_EVERY: f64 = 1.0;
-/// Seconds of silence after which no reports are sent any more.
-const PATIENCE: f64 = 60.0;
 /// Seconds of not being certain after which the vehicle is called lost.
 const SEARCHING: f64 = 3.0;
 /// The newest so many are kept.
@@ -95,6 +87,7 @@ pub struct Topside {
     side: ThisSide,
     options: TopsideOptions,
     pictures: Pictures,
+    has_keys: bool,
     views: SceneViews,
     memory: MemoryView,
     log: LinkLog,
@@ -108,7 +101,6 @@ pub struct Topside {
     counts: Counts,
     uncertain_since: Option<f64>,
     region: Option<Region>,
-    reported: f64,
     note: Option<String>,
     note_page: Option<String>,
     alarms: Vec<Alarm>,
@@ -129,7 +121,7 @@ impl Topside {
     pub fn new(
         engine: &Engine,
         prior: &Prior,
-        options: TopsideOptions,
+        mut options: TopsideOptions,
     ) -> anyhow::Result<(Topside, watch::Receiver<Published>)> {
         let scene = engine.upload(prior).context("uploading the prior")?;
         let views = SceneViews::new(engine, prior, &scene)?;
@@ -142,12 +134,13 @@ impl Topside {
                 key: options.key.clone(),
                 has_return_path: options.return_path.is_some(),
             },
+            has_keys: options.link.keys.is_some(),
             pictures: Pictures::new(
                 engine,
                 &scene,
-                options.mtu,
+                options.link.clone(),
                 options.filter,
-                options.keys.as_ref(),
+                options.state.take(),
             )?,
             views,
             memory: MemoryView::new(engine, prior)?,
@@ -160,7 +153,6 @@ impl Topside {
             counts: Counts::default(),
             uncertain_since: None,
             region: None,
-            reported: f64::MIN,
             note: None,
             note_page: None,
             alarms: Vec::new(),
@@ -266,13 +258,15 @@ impl Topside {
 
     /// Keeps what a topside with keys needs to start again. If it cannot be written, the pilot is told, once.
     fn keep_numbers(&mut self) {
-        let (state, next) = (self.options.key_state.as_mut(), self.pictures.next_number());
-        let Some((state, next)) = state.zip(next) else { return };
-        if let Err(error) = state.keep(next, self.pictures.seen()) {
-            self.options.key_state = None;
+        if let Err(error) = self.pictures.store() {
             let text = format!("before a start again, give both sides the next --epoch: {error}");
             self.alarm("disk", text);
         }
+    }
+
+    fn set_region(&mut self, region: Option<Region>) {
+        self.region = region;
+        self.pictures.set_region(region);
     }
 
     /// Keeps what another run of the console goes on with.
@@ -334,13 +328,13 @@ impl Topside {
             self.alarm("disk", format!("the recording has ended: {error}"));
         }
         let is_proven = match worth {
-            Worth::Garbage => Some(false),
-            Worth::Unproven => None,
-            Worth::Proven => Some(true),
+            None => Some(false),
+            Some(Worth::Unproven) => None,
+            Some(Worth::Proven) => Some(true),
         };
         self.watch.came(*time, is_proven);
-        self.counts.garbage += u64::from(worth == Worth::Garbage);
-        if worth == Worth::Proven {
+        self.counts.garbage += u64::from(worth.is_none());
+        if worth == Some(Worth::Proven) {
             if self.last_proven.is_none() {
                 self.options.journal.tell(*time, "vehicle", "the vehicle is heard");
             }
@@ -353,9 +347,7 @@ impl Topside {
         let now = self.now();
         match command {
             Command::Region(region) => {
-                self.region = region;
-                // The vehicle is told at once.
-                self.reported = f64::MIN;
+                self.set_region(region);
                 Ok(match (region, self.options.return_path.is_some()) {
                     (_, false) => "no return channel: the vehicle does not hear of it".into(),
                     (Some(_), true) => "region of interest sent".into(),
@@ -390,10 +382,10 @@ impl Topside {
             true => _ = self.uncertain_since.get_or_insert(now),
             false => self.uncertain_since = None,
         }
-        self.views.take(shown);
-        self.memory.take(shown)?;
+        self.views.take(&shown);
+        self.memory.take(&shown)?;
         self.published.picture = png(&shown.decoded.picture)?.into();
-        if let Some(chase) = self.views.draw_chase(shown)? {
+        if let Some(chase) = self.views.draw_chase(&shown)? {
             self.published.chase = png(chase)?.into();
         }
         Ok(())
@@ -402,34 +394,24 @@ impl Topside {
     /// Tells the vehicle what came, and what the pilot wants.
     fn report(&mut self) {
         let now = self.now();
-        let silence = self.last_proven.map_or(f64::INFINITY, |last| now - last);
-        if !self.options.return_path.is_some()
-            || silence > PATIENCE
-            || now - self.reported < REPORT_EVERY
-        {
+        if !self.options.return_path.is_some() {
             return;
         }
-        let message = PilotMessage {
-            sent: exposure::stamp(now),
-            announce: self.pictures.lacks_start(),
-            region: self.region,
-        };
-        let Some(report) = self.pictures.report(&message) else { return };
-        self.options.return_path.send(&report, self.peer);
+        let Some(report) = self.pictures.report(now) else { return };
+        self.options.return_path.send(report, self.peer);
         self.counts.reports += 1;
-        self.reported = now;
     }
 
     fn publish(&mut self) -> anyhow::Result<()> {
         let now = self.now();
-        self.log.count(now, self.pictures.statistics());
+        self.log.count(now, self.pictures.link().statistics());
         if let Err(error) = self.options.keeper.flush() {
             self.alarm("disk", format!("the recording has ended: {error}"));
         }
         let missing = self.missing(now);
         let state = self.state(now, missing);
         if let Some((video, shown)) = self.options.video.as_ref().zip(self.pictures.shown()) {
-            video.show(shown, state.overlay.clone(), state.pose);
+            video.show(&shown, state.overlay.clone(), state.pose);
         }
         self.published.state = serde_json::to_string(&state)?.into();
         self.publisher.send_replace(self.published.clone());
@@ -439,7 +421,8 @@ impl Topside {
 
     /// What is missing for a picture. Terminal and log are told if it is another than before.
     fn missing(&mut self, now: f64) -> Option<Missing> {
-        let missing = self.watch.missing(now, self.pictures.refusal(), &self.side);
+        let refusal = self.pictures.refusal();
+        let missing = self.watch.missing(now, refusal.as_ref(), &self.side);
         // Why nothing comes is known then.
         let missing = missing.filter(|_| self.stopped.is_none());
         let cause = missing.as_ref().map(|missing| missing.cause);
@@ -454,8 +437,10 @@ impl Topside {
         missing
     }
 
-    fn state(&self, now: f64, missing: Option<Missing>) -> State {
+    fn state(&mut self, now: f64, missing: Option<Missing>) -> State {
+        let link = self.link_state(now);
         let shown = self.pictures.shown();
+        let shown = shown.as_ref();
         let uncertain_for = self.uncertain_since.map_or(0.0, |since| now - since);
         let views = self.views.state(now, shown);
         let keeper = &self.options.keeper;
@@ -478,7 +463,7 @@ impl Topside {
                 (true, Some(_)) => PoseState::Lost,
             },
             uncertain_for,
-            link: self.link_state(now),
+            link,
             plan: views.plan,
             chase: views.chase,
             path: views.path,
@@ -494,8 +479,8 @@ impl Topside {
         }
     }
 
-    fn link_state(&self, now: f64) -> LinkState {
-        let statistics = self.pictures.statistics();
+    fn link_state(&mut self, now: f64) -> LinkState {
+        let statistics = self.pictures.link().statistics();
         LinkState {
             silence: self.last_proven.map(|last| (now - last).max(0.0)),
             bit_rate: self.log.bit_rate(),
@@ -504,8 +489,8 @@ impl Topside {
             bytes: self.counts.bytes,
             frames: self.counts.frames,
             garbage: self.counts.garbage,
-            foreign: self.options.keys.is_some().then_some(statistics.foreign),
-            replayed: self.options.keys.is_some().then_some(statistics.replayed),
+            foreign: self.has_keys.then_some(statistics.foreign),
+            replayed: self.has_keys.then_some(statistics.replayed),
             packets: statistics.completed,
             reports: self.options.return_path.is_some().then_some(self.counts.reports),
             seconds: self.log.seconds().map(|second| (second.bytes, second.loss())).collect(),
@@ -520,7 +505,7 @@ impl Topside {
                 "This device is not portable: its picture may differ from the vehicle's.".into(),
             );
         }
-        if let Some(decoded) = shown.map(|shown| &shown.decoded) {
+        if let Some(decoded) = shown.map(|shown| shown.decoded) {
             if decoded.same_render == Some(false) {
                 warnings.push("The render is not the vehicle's: do not trust this picture.".into());
             } else if self.portable && !decoded.portable {

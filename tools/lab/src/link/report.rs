@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nvsprior::link::Recalled;
 use serde::Serialize;
 
 use super::Setting;
 use super::region::RegionPsnr;
-use super::topside::Shown;
+use super::sent::{PacketBytes, SentPacket};
 use super::video::Beside;
 use crate::report::{Table, fixed, write_json};
-use nvsprior_link::vehicle::{PacketBytes, SentPacket};
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {
     pub frame: usize,
-    pub shown: Shown,
+    pub shown: Recalled,
     /// Against the camera's frame, dB.
     pub psnr: f64,
     /// The same inside and outside of what the prior does not show, if that is asked for.
@@ -39,6 +39,15 @@ pub struct LinkRun {
     pub worst_second: f64,
     /// Video coders on the same channel.
     pub beside: Vec<Beside>,
+}
+
+fn name(shown: Recalled) -> &'static str {
+    match shown {
+        Recalled::Own => "own",
+        Recalled::Between => "between",
+        Recalled::Held => "held",
+        Recalled::Nothing => "nothing",
+    }
 }
 
 /// Frames in a row that count as shown for good.
@@ -73,13 +82,13 @@ impl LinkRun {
     }
 
     /// Camera frames that are shown in a way.
-    fn shown(&self, way: impl Fn(Shown) -> bool) -> usize {
+    fn shown(&self, way: impl Fn(Recalled) -> bool) -> usize {
         self.moments.iter().filter(|moment| way(moment.shown)).count()
     }
 
     /// Frames that are shown by what came of their packets.
     fn pictures_per_second(&self) -> f64 {
-        self.shown(|shown| shown == Shown::Own) as f64 / self.seconds
+        self.shown(|shown| shown == Recalled::Own) as f64 / self.seconds
     }
 
     /// Seconds until the first picture came.
@@ -201,7 +210,7 @@ impl Figures<'_> {
         let LinkRun { packets, pictures, resent, .. } = run;
         let bytes = run.bytes();
         let [latency_ms, whole_latency_ms] = run.latency();
-        let shown = |way: fn(Shown) -> bool| run.shown(way);
+        let shown = |way: fn(Recalled) -> bool| run.shown(way);
         Figures {
             bit_rate,
             mtu,
@@ -216,10 +225,10 @@ impl Figures<'_> {
             shown_psnr: run.shown_psnr(),
             pictures_per_second: run.pictures_per_second(),
             shown: ShownCounts {
-                own: shown(|shown| shown == Shown::Own),
-                between: shown(|shown| shown == Shown::Between),
-                held: shown(|shown| matches!(shown, Shown::Held(_))),
-                nothing: shown(|shown| shown == Shown::Nothing),
+                own: shown(|shown| shown == Recalled::Own),
+                between: shown(|shown| shown == Recalled::Between),
+                held: shown(|shown| shown == Recalled::Held),
+                nothing: shown(|shown| shown == Recalled::Nothing),
             },
             first_picture_seconds: run.first_picture(),
             latency_ms,
@@ -338,7 +347,7 @@ pub fn write(folder: &Path, runs: &[LinkRun]) -> anyhow::Result<()> {
             ("loss", &|(run, _)| run.setting.loss.chance.to_string()),
             ("frame", &|(_, moment)| moment.frame.to_string()),
             ("seconds", &|(o, moment)| fixed(moment.frame as f64 / o.setting.fps, 4)),
-            ("shown", &|(_, moment)| moment.shown.name().to_owned()),
+            ("shown", &|(_, moment)| name(moment.shown).to_owned()),
             ("shown_psnr", &|(_, moment)| fixed(moment.psnr, 3)),
             ("sent_bytes", &|row| sent(row, |sent| sent.bytes.total().to_string())),
             ("sent_psnr", &|row| sent(row, |sent| fixed(sent.psnr, 3))),

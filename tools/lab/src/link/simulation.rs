@@ -1,20 +1,22 @@
 //! Vehicle, channel and topside in time.
 
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::path::Path;
 use std::sync::Arc;
 
-use nvsprior::Engine;
+use nvsprior::keys::Keys;
+use nvsprior::link::{CameraFrame, Recalled, Topside, Vehicle};
+use nvsprior::modem::Division;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
-use nvsprior_link::vehicle::{CameraFrame, SentPacket, Vehicle};
+use nvsprior::{Engine, Picture};
 
 use super::Setting;
 use super::channel::LoggedChannel;
 use super::footage::Footage;
 use super::report::{LinkRun, Moment};
-use super::topside::Topside;
+use super::sent::{PacketBytes, SentPacket};
 
 /// What happens at a time.
 enum Event {
@@ -74,6 +76,8 @@ pub struct Simulation<'a> {
     vehicle: Vehicle,
     packets: Vec<SentPacket>,
     topside: Topside,
+    /// By packet: when its first picture could be shown, and when all of it, seconds.
+    pictures: BTreeMap<u32, (f64, Option<f64>)>,
     plan: Agenda,
     /// When the next modem frame is looked for, seconds.
     next_due: f64,
@@ -99,11 +103,18 @@ impl<'a> Simulation<'a> {
                 engine,
                 scene,
                 camera,
-                &setting.vehicle(threshold),
-                setting.keys.as_ref(),
+                setting.encoder(threshold),
+                &setting.vehicle(),
             )?,
             packets: Vec::new(),
-            topside: Topside::new(engine, scene, footage.cameras(), &setting)?,
+            topside: {
+                let mut topside = Topside::new(engine, scene, &setting.topside())?;
+                for camera in footage.cameras() {
+                    topside.decoder().add_camera(camera)?;
+                }
+                topside
+            },
+            pictures: BTreeMap::new(),
             setting,
             plan: Agenda::default(),
             next_due: f64::INFINITY,
@@ -136,18 +147,18 @@ impl<'a> Simulation<'a> {
                 Event::Exposed(frame) => self.expose(frame, time)?,
                 Event::Due if time == self.next_due => {
                     self.next_due = f64::INFINITY;
-                    while let Some((_, share)) = self.vehicle.next_share(time) {
-                        send(&mut self.plan, &mut channel, time, share);
+                    let link = self.vehicle.link();
+                    while let Some(frame) = link.transmit(time, self.setting.mtu)? {
+                        send(&mut self.plan, &mut channel, time, frame);
                     }
                     self.plan_due(time);
                 }
                 // Something was due before it, and has planned anew.
                 Event::Due => {}
-                Event::Arrived(share) => self.topside.take(time, &share)?,
+                Event::Arrived(frame) => self.arrive(time, &frame)?,
                 Event::Report => self.report(time, &mut channel)?,
                 Event::Reported(report) => {
-                    let (report, _) = self.vehicle.read_report(&report)?;
-                    self.vehicle.process_report(time, &report)?;
+                    self.vehicle.link().receive(time, &report)?;
                     self.plan_due(time);
                 }
                 Event::Displayed(frame) => {
@@ -157,15 +168,15 @@ impl<'a> Simulation<'a> {
             }
         }
         let worst_second = channel.worst_second();
-        let repaired = self.topside.repaired();
+        let repaired = self.repaired();
         Ok(LinkRun {
             setting: self.setting,
             seconds,
             region_part: self.footage.region_part(),
             moments: self.moments,
-            resent: self.vehicle.resent,
+            resent: self.vehicle.link().resent_bytes() as usize,
             packets: self.packets,
-            pictures: self.topside.pictures,
+            pictures: self.pictures,
             repaired,
             worst_second,
             beside: Vec::new(),
@@ -179,18 +190,67 @@ impl<'a> Simulation<'a> {
         if self.vehicle.encoder().camera() != camera {
             self.vehicle.encoder().set_camera(camera)?;
         }
-        let taken = CameraFrame { number: frame, exposed: now, picture, info, user: None };
+        let taken = CameraFrame { exposed: now, picture, info, user: &[] };
         let ready = now + self.setting.coding;
-        if let Some(packet) = self.vehicle.take(&taken, || ready)? {
-            self.packets.push(packet);
+        if let Some(division) = self.vehicle.frame(now, &taken, || ready)? {
+            let sent = self.sent(frame, now, &division)?;
+            self.packets.push(sent);
         }
         self.plan_due(now);
         Ok(())
     }
 
+    fn sent(
+        &mut self,
+        frame: usize,
+        exposed: f64,
+        division: &Division,
+    ) -> anyhow::Result<SentPacket> {
+        let overhead = self.vehicle.link().sender().options().overhead;
+        let tag = self.setting.keys.as_ref().map_or(0, Keys::overhead);
+        let encoded = self.vehicle.encoded();
+        let (packet, stats) = (&encoded.packet, &encoded.stats);
+        Ok(SentPacket {
+            frame,
+            number: stats.frame,
+            exposed,
+            bytes: PacketBytes::of(division, packet, stats.truth_bytes, (overhead, tag))?,
+            render_psnr: stats.render_psnr,
+            psnr: stats.psnr,
+            inter: stats.reference.is_some(),
+        })
+    }
+
+    /// A modem frame comes to the topside.
+    fn arrive(&mut self, now: f64, frame: &[u8]) -> anyhow::Result<()> {
+        let (_, grown) = self.topside.receive(now, frame)?;
+        if let Some((number, is_whole)) = grown {
+            let picture = self.pictures.entry(number).or_insert((now, None));
+            if is_whole {
+                picture.1 = Some(now);
+            }
+        }
+        // What is whole is decoded ahead, in streams.
+        while self.topside.picture(now)?.is_some() {}
+        Ok(())
+    }
+
+    /// Packets so far that are whole although modem frames of them are missing.
+    fn repaired(&mut self) -> u64 {
+        let newest = self.pictures.last_key_value().map_or(0, |(newest, _)| *newest);
+        let link = self.topside.link();
+        let recent = newest.saturating_sub(super::PACKETS as u32 - 1)..=newest;
+        let repaired = recent.filter(|number| {
+            link.packet(*number)
+                .is_some_and(|packet| packet.complete && Some(packet.arrived) < packet.sent)
+        });
+        let repaired = repaired.count() as u64;
+        link.statistics().repaired + repaired
+    }
+
     /// Looks for the next modem frame when it is due.
     fn plan_due(&mut self, now: f64) {
-        let due = self.vehicle.due().map(|due| due.max(now));
+        let due = self.vehicle.link().due().map(|due| due.max(now));
         if let Some(due) = due.filter(|due| *due < self.next_due && *due <= self.end) {
             self.next_due = due;
             self.plan.add(due, Event::Due);
@@ -198,7 +258,7 @@ impl<'a> Simulation<'a> {
     }
 
     fn report(&mut self, now: f64, channel: &mut LoggedChannel) -> anyhow::Result<()> {
-        let Some(report) = self.topside.report()? else { return Ok(()) };
+        let Some(report) = self.topside.report(now)?.map(<[u8]>::to_vec) else { return Ok(()) };
         if self.setting.half_duplex {
             channel.occupy(now, report.len());
         }
@@ -209,7 +269,16 @@ impl<'a> Simulation<'a> {
 
     /// What the pilot sees of a camera frame.
     fn display(&mut self, frame: usize) -> anyhow::Result<()> {
-        let (shown, picture) = self.topside.show(frame as u32)?;
+        let (shown, picture) = self.topside.show(frame as u32, self.setting.reach_frames())?;
+        let grey;
+        let picture = match shown {
+            Recalled::Nothing => {
+                let wanted = self.footage.camera(0);
+                grey = grey_picture(wanted.width, wanted.height);
+                &grey
+            }
+            _ => picture,
+        };
         if let Some(folder) = self.frames_out {
             nvsprior_runs::write_png(&folder.join(format!("{frame:04}.png")), picture)?;
         }
@@ -224,4 +293,11 @@ fn send(plan: &mut Agenda, channel: &mut LoggedChannel, now: f64, share: &[u8]) 
     if let Some(arrival) = channel.send(now, share.len()).arrival {
         plan.add(arrival, Event::Arrived(share.to_vec()));
     }
+}
+
+/// What the pilot sees before the first picture.
+fn grey_picture(width: u32, height: u32) -> Picture {
+    let mut picture = Picture::new(width, height);
+    picture.data.fill(128);
+    picture
 }

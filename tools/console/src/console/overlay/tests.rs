@@ -11,7 +11,16 @@ use crate::scene::{CAMERA, wall};
 const COLUMNS: usize = 10;
 
 /// A picture from a place beside the first one, in blocks of a picture at the wall's distance. `told`: its map.
-fn seen(blocks: f64, time: f64, told: Option<&[(usize, u8)]>) -> Shown {
+fn seen(blocks: f64, time: f64, told: Option<&[(usize, u8)]>) -> Shown<'static> {
+    picture(blocks, time, told, false)
+}
+
+fn picture(
+    blocks: f64,
+    time: f64,
+    told: Option<&[(usize, u8)]>,
+    uncertain: bool,
+) -> Shown<'static> {
     let right = blocks * 16.0 * 4.0 / f64::from(CAMERA.fx);
     let pose = Pose::from_centre(Default::default(), DVec3::X * right);
     let mut truth = TruthMap::not_seen(CAMERA.width, CAMERA.height);
@@ -21,7 +30,8 @@ fn seen(blocks: f64, time: f64, told: Option<&[(usize, u8)]>) -> Shown {
         told.iter().for_each(|(block, level)| truth.levels[*block] = *level);
     }
     Shown {
-        decoded: Decoded { pose, truth, ..Default::default() },
+        // A test may keep it for good.
+        decoded: Box::leak(Box::new(Decoded { pose, truth, uncertain, ..Default::default() })),
         camera: CAMERA,
         number: 1,
         arrived: time + 1.0,
@@ -67,9 +77,7 @@ fn what_is_told_later_counts() {
     memory.take(&seen(0.0, 100.0, Some(&[(33, 2)]))).unwrap();
     memory.take(&seen(0.0, 101.0, Some(&[(34, 1)]))).unwrap();
     // A vehicle that is lost: what it tells is of another place.
-    let mut lost = seen(0.0, 102.0, Some(&[(35, 2)]));
-    lost.decoded.uncertain = true;
-    memory.take(&lost).unwrap();
+    memory.take(&picture(0.0, 102.0, Some(&[(35, 2)]), true)).unwrap();
     memory.take(&seen(0.0, 103.0, None)).unwrap();
     let held = memory.overlay(104.0);
     assert_eq!((blocks(&held, 7), blocks(&held, 6)), (vec![], vec![34]));

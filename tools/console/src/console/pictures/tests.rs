@@ -1,15 +1,12 @@
 //! A vehicle and the console's pictures, over a link that loses modem frames. Time is counted, not waited for.
 
-use nvsprior::modem::{Loss, Protection, RateControlOptions, Report, SenderOptions};
+use nvsprior::link::{AgeLimit, CameraFrame, Vehicle, VehicleOptions};
+use nvsprior::modem::Loss;
 use nvsprior::random::Random;
-use nvsprior::residual::Tune;
 use nvsprior::tracking::{FrameInfo, Hint};
-use nvsprior::{Mode, Picture, Prior};
+use nvsprior::{EncoderOptions, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, PRIOR, Run};
-use nvsprior_link::age_limit::AgeLimit;
-use nvsprior_link::exposure::{self, EXPOSURE_LEN};
 use nvsprior_link::forth_and_back;
-use nvsprior_link::vehicle::{CameraFrame, Vehicle, VehicleOptions};
 
 use super::*;
 
@@ -21,31 +18,18 @@ const LOSS: f32 = 0.1;
 
 /// A vehicle at three frames a second.
 pub fn options() -> VehicleOptions {
-    let control = RateControlOptions {
-        bit_rate: 16_000.0,
-        mtu: MTU,
-        overhead: 0,
-        latency: 1.5,
-        delay: 0.1,
-        spread: 0.0,
-        frame_rate: FRAME_RATE,
-        min_bytes: 100,
-        max_shares: 16,
-        loss: Loss { chance: f64::from(LOSS), burst: 1.0 },
-        user: Some(EXPOSURE_LEN),
-    };
-    let protection = Protection::Layers;
-    let sender = SenderOptions { control, stream: 0, protection, expect_reports: true };
-    let mode = Mode::Intra;
     VehicleOptions {
-        sender,
-        mode,
-        tune: Tune::Psnr,
-        threshold: 1e-2,
-        frames_treated: false,
-        truth: true,
-        predict_poses: true,
+        delay: 0.1,
+        spread: Some(0.0),
+        min_bytes: 100,
+        loss: Loss { chance: f64::from(LOSS), burst: 1.0 },
+        is_utc: true,
+        ..VehicleOptions::new(MTU, 16_000.0, FRAME_RATE)
     }
+}
+
+pub fn encoder() -> EncoderOptions {
+    EncoderOptions { threshold: 1e-2, ..Default::default() }
 }
 
 /// Both ends.
@@ -63,9 +47,10 @@ impl Link {
         let engine = Engine::new(&Default::default()).unwrap();
         let prior = Prior::from_bytes(PRIOR, "the demo's prior", &Default::default()).unwrap();
         let scene = engine.upload(&prior).unwrap();
+        let link = Pictures::options(MTU);
         Link {
-            vehicle: Vehicle::new(&engine, &scene, &CAMERA, &options(), None).unwrap(),
-            pictures: Pictures::new(&engine, &scene, MTU, false, None).unwrap(),
+            vehicle: Vehicle::new(&engine, &scene, &CAMERA, encoder(), &options()).unwrap(),
+            pictures: Pictures::new(&engine, &scene, link, false, None).unwrap(),
             random: Random::new(7),
             frames: nvsprior_basin::inspection_run(Run::T2, FRAMES, Conditions::CALM).collect(),
             whole: 0,
@@ -77,33 +62,26 @@ impl Link {
         let exposed = number as f64 / FRAME_RATE;
         let frame = &self.frames[forth_and_back(number, FRAMES)];
         let hint = (number == 0).then(|| Hint::of(frame.pose));
-        let user = exposure::written(
-            exposed,
-            ClockSource::Reports,
-            AgeLimit::of(&options().sender.control),
-        );
-        let taken = CameraFrame {
-            number,
-            exposed,
-            picture: &frame.picture,
-            info: FrameInfo { time: Some(exposed), hint },
-            user: Some(&user),
-        };
-        let sent = self.vehicle.take(&taken, || exposed).unwrap();
-        let expected = self.vehicle.picture().clone();
+        let info = FrameInfo { time: Some(exposed), hint };
+        let taken = CameraFrame { exposed, picture: &frame.picture, info, user: &[] };
+        let is_sent = self.vehicle.frame(exposed, &taken, || exposed).unwrap().is_some();
+        let (sent, expected) =
+            (self.vehicle.encoded().stats.frame, self.vehicle.encoded().picture.clone());
         for part in 0..10 {
             let now = exposed + f64::from(part) / 10.0 / FRAME_RATE;
-            while let Some((_, share)) = self.vehicle.next_share(now) {
+            while let Some(frame) = self.vehicle.link().transmit(now, MTU).unwrap() {
                 if self.random.within(0.0, 1.0) >= LOSS {
-                    assert_ne!(self.pictures.take(now, share), Worth::Garbage);
+                    assert!(self.pictures.take(now, frame).is_some());
                 }
             }
             self.pictures.decode().unwrap();
+            if let Some(report) = self.pictures.report(now) {
+                self.vehicle.link().receive(now, report).unwrap();
+            }
         }
-        if let Some(sent) = sent {
-            self.compare(sent.number, &expected);
+        if is_sent {
+            self.compare(sent, &expected);
         }
-        self.report(exposed);
     }
 
     fn compare(&mut self, number: u32, expected: &Picture) {
@@ -112,15 +90,9 @@ impl Link {
             return;
         }
         assert!(shown.decoded.picture == *expected, "frame {number}");
-        assert_eq!(shown.old, AgeLimit::of(&options().sender.control).seconds());
+        let limit = AgeLimit::of(self.vehicle.link().sender().options());
+        assert_eq!(shown.old, limit.seconds());
         self.whole += 1;
-    }
-
-    fn report(&mut self, now: f64) {
-        let message = PilotMessage { sent: exposure::stamp(now), announce: false, region: None };
-        let Some(report) = self.pictures.report(&message) else { return };
-        let (report, _) = Report::read(&report).unwrap();
-        self.vehicle.process_report(now, &report).unwrap();
     }
 }
 

@@ -5,15 +5,13 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::sync::mpsc::sync_channel;
 
+use nvsprior::link::{CameraFrame, STAMP_PERIOD as PERIOD, Vehicle};
 use nvsprior::tracking::{FrameInfo, Hint};
-use nvsprior_link::age_limit::AgeLimit;
-use nvsprior_link::exposure::{ClockSource, PERIOD};
 use nvsprior_link::forth_and_back;
-use nvsprior_link::vehicle::{CameraFrame, Vehicle};
 
 use super::*;
 use crate::console::event::EVENTS;
-use crate::console::pictures::tests::{FRAME_RATE, MTU, options};
+use crate::console::pictures::tests::{FRAME_RATE, MTU, encoder, options};
 use crate::console::server::Server;
 use crate::journal::LogArgs;
 use crate::scene::{CAMERA, clean_frame, pose, wall};
@@ -37,27 +35,25 @@ fn recording(engine: &Engine, prior: &Prior) -> Vec<Recorded> {
     let scene = engine.upload(prior).unwrap();
     let frames: Vec<_> =
         (0..FRAMES).map(|t| clean_frame(engine, &scene, &pose(t as f64))).collect();
-    let mut vehicle = Vehicle::new(engine, &scene, &CAMERA, &options(), None).unwrap();
+    let mut vehicle = Vehicle::new(engine, &scene, &CAMERA, encoder(), &options()).unwrap();
     let (mut recorded, mut sent) = (Vec::new(), 0);
     for number in 0..(SECONDS * FRAME_RATE) as usize {
-        let exposed = number as f64 / FRAME_RATE;
-        let user = exposure::written(START + exposed, ClockSource::Reports, AgeLimit::UNTOLD);
+        let exposed = START + number as f64 / FRAME_RATE;
         let frame = CameraFrame {
-            number,
             exposed,
             picture: &frames[forth_and_back(number, FRAMES)],
-            info: FrameInfo {
-                time: Some(exposed),
-                hint: (number == 0).then(|| Hint::of(pose(0.0))),
-            },
-            user: Some(&user),
+            info: FrameInfo { time: None, hint: (number == 0).then(|| Hint::of(pose(0.0))) },
+            user: &[],
         };
-        vehicle.take(&frame, || exposed).unwrap();
-        while let Some((due, share)) = vehicle.next_share(exposed + 1.0 / FRAME_RATE) {
+        vehicle.frame(exposed, &frame, || exposed).unwrap();
+        let link = vehicle.link();
+        while let Some(due) = link.due()
+            && let Some(frame) = link.transmit(exposed + 1.0 / FRAME_RATE, MTU).unwrap()
+        {
             // It takes half a second, and a tenth is lost.
             sent += 1;
             if sent % 10 > 0 {
-                recorded.push((due.max(exposed) + 0.5, share.to_vec()));
+                recorded.push((due.max(exposed) - START + 0.5, frame.to_vec()));
             }
         }
     }
@@ -102,7 +98,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
     let vehicle = socket.local_addr().unwrap();
     let options = TopsideOptions {
         prior_file: String::new(),
-        mtu: MTU,
+        link: Pictures::options(MTU),
         source: "a recording".into(),
         clock: Clock::of_recording(START, 0.0),
         return_path: ReturnPath::Udp(socket),
@@ -112,8 +108,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         resume: None,
         journal: LogArgs::default().open("console").unwrap(),
         key: None,
-        keys: None,
-        key_state: None,
+        state: None,
     };
     let (mut topside, published) = Topside::new(&engine, &prior, options).unwrap();
     let server = Server::bind("127.0.0.1:0".parse().unwrap()).unwrap();
@@ -143,7 +138,7 @@ fn memory_is_flat_over_eight_hours_of_packets() {
         }
     }
     let pictures = topside.pictures.shown().unwrap().number;
-    println!("{pictures} pictures, {} packets", topside.pictures.statistics().completed);
+    println!("{pictures} pictures, {} packets", topside.pictures.link().statistics().completed);
     println!("hour  resident MiB: mean, least, most");
     for (hour, (sum, least, most, count)) in hours.iter().enumerate() {
         let [mean, least, most] = [sum / count, *least, *most].map(|kib| kib / 1024.0);

@@ -3,13 +3,14 @@
 //! | byte | content |
 //! |---|---|
 //! | 0 | bit 0: a region of interest follows; bit 1: announce prior and camera; the others are 0 |
-//! | 1–2 | the topside's UTC as the report was sent: [`exposure::stamp`](crate::exposure::stamp), little endian |
+//! | 1–2 | the topside's time as the report was sent: [`exposure::stamp`](super::exposure::stamp), little endian |
 //! | 3–6 | left, top, right and bottom of the region, in 1/255 of the picture's sides; if it follows |
 //! | 7 | its weight; if it follows |
+//! | … | user bytes of the topside's owner |
 //!
 //! Each report tells all of it. So a lost one costs little, and a region ends with the first report without it.
 
-use nvsprior::residual::{Interest, ResidualError};
+use crate::residual::{Interest, ResidualError};
 
 const REGION: u8 = 1;
 const ANNOUNCE: u8 = 2;
@@ -61,33 +62,37 @@ pub struct PilotMessage {
 }
 
 impl PilotMessage {
-    pub fn write(&self) -> Vec<u8> {
+    /// Most bytes that it takes, without user bytes.
+    pub const MOST: usize = 8;
+
+    /// Replaces what `into` held by the message and user bytes behind it.
+    pub fn write(&self, user: &[u8], into: &mut Vec<u8>) {
         let mark = if self.region.is_some() { REGION } else { 0 };
-        let mark = mark | if self.announce { ANNOUNCE } else { 0 };
-        let [low, high] = self.sent.to_le_bytes();
-        let mut bytes = vec![mark, low, high];
+        into.clear();
+        into.push(mark | if self.announce { ANNOUNCE } else { 0 });
+        into.extend(self.sent.to_le_bytes());
         if let Some(region) = &self.region {
-            bytes.extend(region.edges);
-            bytes.push(region.weight);
+            into.extend(region.edges);
+            into.push(region.weight);
         }
-        bytes
+        into.extend(user);
     }
 
-    /// `None`: the bytes are none of a console.
-    pub fn read(bytes: &[u8]) -> Option<PilotMessage> {
+    /// The message, and the user bytes behind it. `None`: the bytes are none of a topside.
+    pub fn read(bytes: &[u8]) -> Option<(PilotMessage, &[u8])> {
         let [mark, low, high, rest @ ..] = bytes else { return None };
         if mark & !(REGION | ANNOUNCE) != 0 {
             return None;
         }
-        let region = match (mark & REGION, rest) {
-            (0, []) => None,
-            (REGION, &[left, top, right, bottom, weight]) => {
-                Some(Region::of([left, top, right, bottom], weight)?)
+        let (region, user) = match (mark & REGION, rest) {
+            (0, user) => (None, user),
+            (_, &[left, top, right, bottom, weight, ref user @ ..]) => {
+                (Some(Region::of([left, top, right, bottom], weight)?), user)
             }
             _ => return None,
         };
         let sent = u16::from_le_bytes([*low, *high]);
-        Some(PilotMessage { sent, announce: mark & ANNOUNCE != 0, region })
+        Some((PilotMessage { sent, announce: mark & ANNOUNCE != 0, region }, user))
     }
 }
 
@@ -99,11 +104,13 @@ mod tests {
     fn messages_come_back_and_others_are_refused() {
         let region = Region::new([0.25, 0.5, 0.5, 1.0], 8).unwrap();
         for (announce, region) in [(false, None), (true, None), (true, Some(region))] {
-            let message = PilotMessage { sent: 0x1234, announce, region };
-            let bytes = message.write();
-            assert_eq!(PilotMessage::read(&bytes), Some(message));
-            assert_eq!(PilotMessage::read(&bytes[..bytes.len() - 1]), None);
-            assert_eq!(PilotMessage::read(&[&bytes[..], &[0]].concat()), None);
+            let (message, mut bytes) = (PilotMessage { sent: 0x1234, announce, region }, vec![7]);
+            for user in [&b""[..], b"of mine"] {
+                message.write(user, &mut bytes);
+                assert_eq!(PilotMessage::read(&bytes), Some((message, user)));
+            }
+            bytes.truncate(if region.is_some() { PilotMessage::MOST - 1 } else { 2 });
+            assert_eq!(PilotMessage::read(&bytes), None);
         }
         assert_eq!(PilotMessage::read(&[4, 0, 0]), None);
         assert_eq!(PilotMessage::read(&[1, 0, 0, 9, 0, 9, 5, 1]), None, "an empty region");

@@ -1,4 +1,4 @@
-//! When a frame was exposed, by the topside's clock: user bytes that travel with its packet.
+//! When a frame was exposed, by the topside's clock: the first user bytes that travel with its packet.
 //!
 //! A topside that knows only when packets came cannot tell how old a picture is: a delay that all of them have does not
 //! show. So the vehicle tells the time of exposure. Its own clock may be wrong. Each report tells the topside's time as
@@ -7,13 +7,13 @@
 //!
 //! | bits | content, little endian |
 //! |---|---|
-//! | 0–12 | time in steps of 80 ms, modulo 655.36 s |
+//! | 0–12 | time in steps of 80 ms, modulo 655.36 s; 8191 by the vehicle's own time: it knows none |
 //! | 13–14 | from which age on a picture is old: [`AgeLimit`] |
 //! | 15 | whether the time is counted from a report; else it is the vehicle's own UTC |
 
 use std::collections::VecDeque;
 
-use crate::age_limit::AgeLimit;
+use super::age_limit::AgeLimit;
 
 /// Bytes that travel with each packet.
 pub const EXPOSURE_LEN: usize = 2;
@@ -22,6 +22,8 @@ const STEP: f64 = 0.02;
 const STEPS: u16 = 1 << 15;
 const CUT: u16 = 4;
 const LIMIT_AT: u32 = 13;
+/// Told if the vehicle knows no time.
+const NO_TIME: u16 = (1 << LIMIT_AT) - 1;
 /// Seconds after which stamps begin anew.
 pub const PERIOD: f64 = STEP * STEPS as f64;
 /// Reports that count: the clocks drift.
@@ -43,10 +45,15 @@ pub fn stamp(seconds: f64) -> u16 {
     (seconds.rem_euclid(PERIOD) / STEP) as u16 % STEPS
 }
 
-/// A time as it travels.
-pub fn written(seconds: f64, source: ClockSource, limit: AgeLimit) -> [u8; EXPOSURE_LEN] {
-    let mark = if source == ClockSource::Reports { STEPS } else { 0 };
-    ((stamp(seconds) / CUT) | (limit.bits() << LIMIT_AT) | mark).to_le_bytes()
+/// A time as it travels; `None`: the vehicle knows none.
+pub fn written(time: Option<(f64, ClockSource)>, limit: AgeLimit) -> [u8; EXPOSURE_LEN] {
+    let word = match time {
+        Some((seconds, ClockSource::Reports)) => stamp(seconds) / CUT | STEPS,
+        // The last step of a period is told as the one before.
+        Some((seconds, ClockSource::Vehicle)) => (stamp(seconds) / CUT).min(NO_TIME - 1),
+        None => NO_TIME,
+    };
+    (word | (limit.bits() << LIMIT_AT)).to_le_bytes()
 }
 
 /// How old a frame is at `now`, the topside's UTC in seconds, by the user bytes of its packet. `None`: they tell no
@@ -54,6 +61,9 @@ pub fn written(seconds: f64, source: ClockSource, limit: AgeLimit) -> [u8; EXPOS
 pub fn age(user: &[u8], now: f64) -> Option<(f64, ClockSource)> {
     let word = word(user)?;
     let source = if word >= STEPS { ClockSource::Reports } else { ClockSource::Vehicle };
+    if source == ClockSource::Vehicle && word % (1 << LIMIT_AT) == NO_TIME {
+        return None;
+    }
     let age = (now - f64::from(word % (1 << LIMIT_AT)) * STEP * f64::from(CUT)).rem_euclid(PERIOD);
     // Times are cut to their steps.
     let age = if age > PERIOD - 2.0 * STEP { 0.0 } else { age };
@@ -67,7 +77,7 @@ pub fn limit(user: &[u8]) -> f64 {
 }
 
 fn word(user: &[u8]) -> Option<u16> {
-    Some(u16::from_le_bytes(user.try_into().ok()?))
+    user.first_chunk().map(|bytes| u16::from_le_bytes(*bytes))
 }
 
 /// The topside's clock, as the vehicle knows it.
@@ -101,7 +111,8 @@ mod tests {
     use super::*;
 
     fn of(exposed: f64, now: f64) -> Option<f64> {
-        age(&written(exposed, ClockSource::Vehicle, AgeLimit::UNTOLD), now).map(|(age, _)| age)
+        let time = Some((exposed, ClockSource::Vehicle));
+        age(&written(time, AgeLimit::UNTOLD), now).map(|(age, _)| age)
     }
 
     #[test]
@@ -114,10 +125,11 @@ mod tests {
         }
         assert_eq!(of(10.0, 10.0 - 1e-3), Some(0.0), "a stamp of now is not of the past period");
         assert_eq!(of(60.0, 30.0), None, "a vehicle's clock that is ahead is not believed");
-        assert_eq!((age(&[1], 0.0), age(&[1, 2, 3, 4], 0.0)), (None, None));
+        assert_eq!((age(&[1], 0.0), age(&[], 0.0)), (None, None));
         for bits in 0..4 {
             let told = AgeLimit::from_bits(bits);
-            let bytes = written(1.0, ClockSource::Reports, told);
+            assert_eq!(age(&written(None, told), 2.0), None);
+            let bytes = written(Some((1.0, ClockSource::Reports)), told);
             assert_eq!(age(&bytes, 2.0).unwrap().1, ClockSource::Reports);
             assert_eq!((limit(&bytes), limit(&[1])), (told.seconds(), AgeLimit::UNTOLD.seconds()));
         }
@@ -134,7 +146,8 @@ mod tests {
         }
         let (exposed, now) = (650.0, 657.0);
         let told = clock.at(vehicle(exposed)).unwrap();
-        let (age, _) = age(&written(told, ClockSource::Reports, AgeLimit::UNTOLD), now).unwrap();
+        let time = Some((told, ClockSource::Reports));
+        let (age, _) = age(&written(time, AgeLimit::UNTOLD), now).unwrap();
         assert!((7.0..=7.0 + 0.4 + STEP + STEP * f64::from(CUT)).contains(&age), "{age}");
         for sent in 0..REPORTS {
             clock.reported(vehicle(sent as f64 + 1.0), stamp(sent as f64));

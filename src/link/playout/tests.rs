@@ -1,18 +1,48 @@
-use nvsprior::modem::{Loss, Sharer, Sharing, SharingOptions};
-use nvsprior::packet::{
+use crate::link::{Playout as Order, TopsideLink, TopsideOptions};
+use crate::modem::{Loss, Sharer, Sharing, SharingOptions};
+use crate::packet::{
     Latent, Packet, PoseProfile, QuantisedPose, Residual, SHORT_LATENT_LEN, Session,
 };
-use nvsprior::prior::CoordinateFrame;
-use nvsprior::{Camera, Pose, PriorId};
-
-use super::*;
+use crate::prior::CoordinateFrame;
+use crate::{Camera, Pose, PriorId};
 
 const RATE: f64 = 10.0;
 const LATENCY: f64 = 1.0;
-const OPTIONS: PlayoutOptions =
-    PlayoutOptions { mtu: 64, shares: 16, stream: 0, latency: LATENCY, frame_rate: Some(RATE) };
+const MTU: usize = 64;
 /// What the link takes.
 const WAY: f64 = 0.25;
+
+/// A packet that goes on.
+#[derive(Debug, PartialEq)]
+struct Played {
+    frame: i64,
+    time: f64,
+    bytes: Vec<u8>,
+    complete: bool,
+    restarted: bool,
+}
+
+/// A topside's end that hands out packets in order.
+struct Playout(TopsideLink);
+
+impl Playout {
+    fn new(frame_rate: Option<f64>) -> Playout {
+        let playout = Order::InOrder { latency: LATENCY, frame_rate };
+        let options = TopsideOptions { playout, report_every: None, ..TopsideOptions::new(MTU) };
+        Playout(TopsideLink::new(&options).unwrap())
+    }
+
+    fn next(&mut self, now: f64) -> Option<Played> {
+        let (due, packet) = self.0.next_packet(now).unwrap()?;
+        Some(Played {
+            frame: due.frame,
+            time: due.time,
+            bytes: packet.bytes.to_vec(),
+            complete: packet.complete,
+            restarted: due.restarted,
+        })
+    }
+}
 
 /// A packet of a frame number, as a vehicle makes it.
 fn packet(frame: u32) -> Vec<u8> {
@@ -55,7 +85,7 @@ fn taken(frame: u32) -> f64 {
 
 /// Brings shares at `now`, and plays what is due.
 fn bring(playout: &mut Playout, now: f64, shares: &[Vec<u8>]) -> Vec<Played> {
-    shares.iter().for_each(|share| playout.push(now, share).unwrap());
+    shares.iter().for_each(|share| _ = playout.0.receive(now, share).unwrap());
     std::iter::from_fn(|| playout.next(now)).collect()
 }
 
@@ -63,8 +93,7 @@ fn bring(playout: &mut Playout, now: f64, shares: &[Vec<u8>]) -> Vec<Played> {
 #[test]
 fn a_packet_counts_from_its_first_share() {
     for frame in [0, 127, 128, 200, 255, 256] {
-        let options = PlayoutOptions { frame_rate: None, ..OPTIONS };
-        let mut playout = Playout::new(options, None).unwrap();
+        let mut playout = Playout::new(None);
         let shares = shares(frame);
         assert!(bring(&mut playout, 1.0, &shares[..1]).is_empty());
         let played = bring(&mut playout, 1.5, &shares[1..]);
@@ -74,7 +103,7 @@ fn a_packet_counts_from_its_first_share() {
 
 #[test]
 fn complete_packets_go_on_at_once_and_evenly() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     let mut times = Vec::new();
     for frame in 0..20u32 {
         // Shares come up to 0.3 s late, at random.
@@ -95,26 +124,26 @@ fn complete_packets_go_on_at_once_and_evenly() {
 
 #[test]
 fn a_packet_that_lacks_shares_goes_on_in_part_when_its_time_is_over() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     bring(&mut playout, WAY, &shares(0));
     // The next one has a picture, and no more.
     let some = &shares(1)[..2];
     assert!(bring(&mut playout, taken(1) + WAY, some).is_empty());
     // The one behind it is whole, and waits for its turn.
     assert!(bring(&mut playout, taken(2) + WAY, &shares(2)).is_empty());
-    let deadline = playout.deadline().unwrap();
+    let deadline = playout.0.due().unwrap();
     assert!((deadline - (taken(1) + WAY + LATENCY)).abs() < 1e-6, "{deadline}");
     assert_eq!(playout.next(deadline - 1e-3), None);
     let first = playout.next(deadline).unwrap();
     assert!(!first.complete && first.bytes.len() < packet(1).len());
     assert!(packet(1).starts_with(&first.bytes) && first.bytes.len() >= SHORT_LATENT_LEN);
     assert_eq!(playout.next(deadline).unwrap().bytes, packet(2));
-    assert_eq!((playout.next(deadline), playout.deadline()), (None, None));
+    assert_eq!((playout.next(deadline), playout.0.due()), (None, None));
 }
 
 #[test]
 fn packets_of_which_too_little_came_are_left_out() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     bring(&mut playout, WAY, &shares(0));
     assert!(bring(&mut playout, taken(1) + WAY, &shares(1)[..1]).is_empty());
     assert!(bring(&mut playout, taken(3) + WAY, &shares(3)).is_empty(), "waits for 1");
@@ -123,12 +152,12 @@ fn packets_of_which_too_little_came_are_left_out() {
     assert_eq!(played[0].frame, 3);
     // What comes later is too late.
     assert!(bring(&mut playout, taken(12) + WAY, &shares(1)[1..]).is_empty());
-    assert_eq!(playout.late(), 1);
+    assert_eq!(playout.0.late(), 1);
 }
 
 #[test]
 fn shares_between_each_other_keep_the_order_of_frames() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     let all = [shares(0), shares(1), shares(2)];
     let mut played = Vec::new();
     // The last one comes first.
@@ -145,7 +174,7 @@ fn shares_between_each_other_keep_the_order_of_frames() {
 
 #[test]
 fn a_blackout_ends_with_the_next_packet() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     for frame in (0..30).chain(100..130) {
         let played = bring(&mut playout, taken(frame) + WAY, &shares(frame));
         assert_eq!(played.len(), 1, "{frame}");
@@ -155,7 +184,7 @@ fn a_blackout_ends_with_the_next_packet() {
 
 #[test]
 fn a_vehicle_that_starts_anew_is_followed() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     for frame in 0..200 {
         bring(&mut playout, taken(frame) + WAY, &shares(frame));
     }
@@ -171,7 +200,7 @@ fn a_vehicle_that_starts_anew_is_followed() {
 
 #[test]
 fn frame_numbers_are_counted_on() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     for frame in 65_530..65_542u32 {
         let played = bring(&mut playout, taken(frame), &shares(frame % 65_536));
         assert_eq!(played[0].frame, i64::from(frame));
@@ -181,7 +210,7 @@ fn frame_numbers_are_counted_on() {
 
 #[test]
 fn clocks_that_run_apart_are_followed() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     for frame in 0..4000 {
         // The vehicle's clock is 0.02 % slow.
         let now = 1.0002 * taken(frame);
@@ -192,7 +221,7 @@ fn clocks_that_run_apart_are_followed() {
 
 #[test]
 fn without_a_frame_rate_a_packet_has_the_time_of_its_first_share() {
-    let mut playout = Playout::new(PlayoutOptions { frame_rate: None, ..OPTIONS }, None).unwrap();
+    let mut playout = Playout::new(None);
     let of = shares(5);
     assert!(bring(&mut playout, 3.0, &of[..1]).is_empty());
     let played = bring(&mut playout, 3.2, &of[1..]);
@@ -201,9 +230,9 @@ fn without_a_frame_rate_a_packet_has_the_time_of_its_first_share() {
 
 #[test]
 fn other_frames_on_the_link_do_no_harm() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     for junk in [&[][..], &[0x40], &[0xFF; 64]] {
-        assert!(playout.push(0.0, junk).is_err());
+        assert!(playout.0.receive(0.0, junk).is_err());
     }
     assert_eq!(bring(&mut playout, 0.1, &shares(0)).len(), 1);
     // Shares that come again bring nothing.
@@ -212,9 +241,9 @@ fn other_frames_on_the_link_do_no_harm() {
 
 #[test]
 fn a_packet_without_protection_is_played() {
-    let mut playout = Playout::new(OPTIONS, None).unwrap();
+    let mut playout = Playout::new(Some(RATE));
     let mut sharer = Sharer::default();
-    sharer.split(&packet(3), OPTIONS.mtu).unwrap();
+    sharer.split(&packet(3), MTU).unwrap();
     let frames: Vec<_> = sharer.shares().map(<[u8]>::to_vec).collect();
     assert_eq!(bring(&mut playout, 0.1, &frames).len(), 1);
     assert_eq!(bring(&mut playout, 0.2, &shares(4)).len(), 1, "a protected one may follow");

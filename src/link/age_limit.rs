@@ -1,6 +1,6 @@
 //! From which age on a picture is old. The vehicle tells it in two bits, as it alone knows rate, delay and frame rate.
 
-use nvsprior::modem::RateControlOptions;
+use crate::modem::RateControlOptions;
 
 /// So many times the limit, and what is shown is very old: after 30 s at most.
 pub const VERY_OLD: f64 = 2.5;
@@ -32,10 +32,12 @@ impl AgeLimit {
         AgeLimit(bits as u8 % LIMITS.len() as u8)
     }
 
+    /// Its two bits.
     pub fn bits(self) -> u16 {
         self.0.into()
     }
 
+    /// The age, seconds.
     pub fn seconds(self) -> f64 {
         LIMITS[usize::from(self.0)]
     }
@@ -44,7 +46,7 @@ impl AgeLimit {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nvsprior::modem::Loss;
+    use crate::modem::Loss;
 
     #[test]
     fn the_limit_follows_the_link_and_is_bounded() {
