@@ -114,15 +114,12 @@ typedef struct nvsp_dmabuf nvsp_dmabuf;
 // - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
 // - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
 //   formats without a name of their own for a layout are linear.
-// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+// - `dmabuf`: receives the buffer, which nvsp_destroy ends. Not NULL.
 NVSP_CHECKED
 nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
                                int32_t fd,
                                uint64_t modifier,
                                struct nvsp_dmabuf **dmabuf);
-
-// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
-void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
 
 // ---- Memory of yours ----
 

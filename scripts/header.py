@@ -15,18 +15,17 @@ import tempfile
 # The headers, with their parts: a title, and the files of src/capi.
 HEADERS = {
     "nvsprior": {
-        "Statuses and the texts of failures": "status handle",
+        "Statuses, and what any handle takes": "status handle",
         "Structures and versions": "structs version",
         "Engines": "log thread engine",
         "Priors": "prior",
         "Images and poses": "image frame",
-        "Encoders": "encoding encoder",
+        "Encoders": "keys encoding encoder",
         "What an encoder's camera sees": "lens",
         "Decoders": "decoder",
         "How far a picture is from what the camera saw": "truth",
         "The vehicle's end of a link": "sender",
         "The topside's end of a link": "collector",
-        "Keys against strangers": "keys",
     },
     "nvsprior_extra": {
         "A Vulkan device of yours": "vulkan",
@@ -37,7 +36,7 @@ HEADERS = {
     },
 }
 # Handles: many threads may use one of the first kind at once, one thread at a time one of the second.
-SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector|authenticator|verifier)"
+SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector)"
 ITEM = re.compile(r'^pub (?:unsafe )?(?:extern "C" )?(const|type|struct|fn) (\w+)', re.M)
 
 

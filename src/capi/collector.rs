@@ -5,7 +5,7 @@ use std::ptr::null_mut;
 use crate::keys::Keys;
 use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
-use super::handle::{Handle, fence};
+use super::handle::{Content, Handle, fence};
 use super::keys::{keys_of, nvsp_keys};
 use super::limits::SMALL;
 use super::log::Log;
@@ -23,6 +23,8 @@ use super::structs::{In, Out, Place, number, versioned, zeroed};
 ///     status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
 /// ```
 pub type nvsp_collector = Handle<Collector>;
+
+impl Content for Collector {}
 
 /// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
 /// counts as valid to its end.
@@ -152,7 +154,7 @@ pub extern "C" fn nvsp_collector_memory(
 /// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
 ///   as many more as these take. What lies beyond it is padding.
 /// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-/// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
+/// - `collector`: receives the collector, which nvsp_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_collector_create(
     mtu: u32,
@@ -438,12 +440,6 @@ pub unsafe extern "C" fn nvsp_collector_report(
         written.write(content.write_report(&found, user, into)?);
         Ok(NVSP_OK)
     })
-}
-
-/// Ends a collector; NULL is allowed.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_collector_destroy(collector: Option<Box<nvsp_collector>>) {
-    nvsp_collector::destroy(collector)
 }
 
 fn stream_of(collector: &Collector, stream: u32) -> Result<u8, Failure> {

@@ -9,7 +9,7 @@ use std::ptr::null_mut;
 use std::sync::Arc;
 
 use super::engine::nvsp_engine;
-use super::handle::Handle;
+use super::handle::{Content, Handle};
 use super::modifier::Modifier;
 use super::status::*;
 use super::structs::Place;
@@ -29,6 +29,8 @@ use super::structs::Place;
 /// image.strides[0] = image.strides[1] = stride;
 /// ```
 pub type nvsp_dmabuf = Handle<Arc<Mapping>>;
+
+impl Content for Arc<Mapping> {}
 
 /// A buffer in this process.
 pub(super) struct Mapping {
@@ -202,7 +204,7 @@ pub(super) unsafe fn planes<'a>(
 /// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
 /// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
 ///   formats without a name of their own for a layout are linear.
-/// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+/// - `dmabuf`: receives the buffer, which nvsp_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_dmabuf_import(
     engine: Option<&nvsp_engine>,
@@ -219,10 +221,4 @@ pub extern "C" fn nvsp_dmabuf_import(
         dmabuf.write(Handle::boxed(content, handle.log()));
         Ok(NVSP_OK)
     })
-}
-
-/// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_dmabuf_destroy(dmabuf: Option<Box<nvsp_dmabuf>>) {
-    nvsp_dmabuf::destroy(dmabuf)
 }

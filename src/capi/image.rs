@@ -236,7 +236,7 @@ pub(super) fn camera(camera: In<nvsp_camera>) -> Result<Camera, Failure> {
         (centre.contains(&cy), "nvsp_camera.cy"),
     ] {
         if !fits {
-            return Err(Failure::at(NVSP_ERR_CAMERA, field));
+            return Err(Failure::argument(field));
         }
     }
     Ok(camera)

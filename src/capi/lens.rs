@@ -153,7 +153,7 @@ pub extern "C" fn nvsp_encoder_set_mask(
 /// times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
 /// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer
 /// bytes; NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from
-/// frame to frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails,
+/// frame to frame, as the pilot's cursor moves. Allocates a byte per cell. If the call fails,
 /// the weights before stay. Example:
 ///
 /// ```c

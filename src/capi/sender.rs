@@ -7,7 +7,7 @@ use crate::modem::{
     Report, Sender, SenderOptions, share_count,
 };
 
-use super::handle::Handle;
+use super::handle::{Content, Handle};
 use super::keys::{keys_of, nvsp_keys};
 use super::limits::SMALL;
 use super::log::Log;
@@ -43,6 +43,8 @@ use super::structs::{In, Out, Place, number, versioned, zeroed};
 /// while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
 /// ```
 pub type nvsp_sender = Handle<Sender>;
+
+impl Content for Sender {}
 
 /// nvsp_sender_options.loss: the link loses nothing.
 pub const NVSP_LOSS_NONE: f64 = -1.0;
@@ -222,7 +224,7 @@ fn loss_of(chance: f64, burst: f64) -> Loss {
 /// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
 ///   take. Both sides need the same.
 /// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
-/// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
+/// - `sender`: receives the sender, which nvsp_destroy ends. Not NULL.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_sender_create(
     mtu: u32,
@@ -248,9 +250,9 @@ pub extern "C" fn nvsp_sender_create(
 }
 
 /// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
-/// out (nvsp_encoder_skip), as the link has no bytes for it. Ask for each frame of the camera, or as often as you like:
-/// if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
-/// Allocates nothing.
+/// out (nvsp_frame_info.left_out of the next one), as the link has no bytes for it. Ask for each frame of the camera,
+/// or as often as you like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest
+/// packet that it takes. Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time).
 ///
@@ -458,12 +460,6 @@ pub extern "C" fn nvsp_sender_set_loss(
         content.set_loss(loss_of(loss, burst))?;
         Ok(NVSP_OK)
     })
-}
-
-/// Ends a sender; NULL is allowed. Shares that wait are lost.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_sender_destroy(sender: Option<Box<nvsp_sender>>) {
-    nvsp_sender::destroy(sender)
 }
 
 fn processed_of(
