@@ -38,12 +38,12 @@
  * Ownership. nvsp_..._create, nvsp_prior_open and nvsp_dmabuf_import give you a handle; nvsp_destroy ends it. You may
  *   destroy handles in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read
  *   or written only during the call. Texts that a call returns are static.
- * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL yields
- *   NVSP_ERR_ARGUMENT. Any other pointer must be what its line says: the library cannot check it. A handle has no line:
- *   it must be a live one, and not NULL.
- * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
- *   decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a handle
- *   while it is destroyed, or afterwards.
+ * Parameters. One line per parameter says what it is, its unit, and what NULL means. If it says nothing of NULL, NULL
+ *   yields NVSP_ERR_ARGUMENT. Any other pointer must be what its line says: the library cannot check it. Bytes are
+ *   as many as the next parameter says. A handle has no line: it must be a live one, and not NULL.
+ * Threads. Any number of threads may use an engine, a prior or a DMA-BUF at once. One thread at a time may use an
+ *   encoder, a decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a
+ *   handle while it is destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
@@ -93,8 +93,10 @@ template <class Structure> inline Structure nvsp_initialized() {
 #define NVSP_HEAD(type) .struct_size = sizeof(type), .abi_version = NVSP_ABI_VERSION
 #endif
 
-/* For nvsp_encoder_options.mode: a key frame comes after n frames, 1 to 16,777,214. Without it, after 16. */
+/* For nvsp_encoder_options.mode, with NVSP_MODE_CHAIN, NVSP_MODE_LAYERS or NVSP_MODE_KEYS: a key frame comes after n
+ * frames, 1 to 16,777,214; or none after the first. Without either, after 16. */
 #define NVSP_KEY_EVERY(n) ((uint32_t)(n) << 8)
+#define NVSP_KEY_ONCE 0xFFFFFF00u
 
 /* For nvsp_encoder_options.search_bound. Renders: most renders of the prior, of any size, that one frame takes beside
  * its first search, the picture that is sent included. The first search starts from the frame before, or from a hint if
@@ -198,7 +200,7 @@ typedef struct nvsp_engine_options {
   const struct nvsp_vulkan *vulkan;
 } nvsp_engine_options;
 
-// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+// An opened Vulkan device with all pipelines built. Example:
 //
 //     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
 //     nvsp_engine *engine = NULL;
@@ -209,17 +211,12 @@ typedef struct nvsp_engine nvsp_engine;
 
 // Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 // options' `log`, as there is no handle to ask yet.
-//
 // Fails with NVSP_ERR_ARGUMENT (unknown flags, a name that is no UTF-8, or fields that exclude each other),
 // NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
-//
-// Parameters:
-// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
-//   the engine lives. NULL: all defaults.
-// - `engine`: receives the engine, which nvsp_destroy ends. Not NULL.
+// - `options`: `log` and `log_user` are used as long as anything made with the engine lives. NULL: all defaults.
+// - `engine`: receives the engine, which nvsp_destroy ends.
 NVSP_CHECKED
-nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
-                               struct nvsp_engine **engine);
+nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options, struct nvsp_engine **engine);
 
 // `near_plane` is given.
 #define NVSP_PRIOR_NEAR 1
@@ -261,7 +258,7 @@ typedef struct nvsp_prior_options {
   size_t content_size;
 } nvsp_prior_options;
 
-// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+// A trained scene on the device. Example:
 //
 //     nvsp_prior *prior = NULL;
 //     if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
@@ -297,14 +294,11 @@ typedef struct nvsp_prior nvsp_prior;
 //
 // With `options.content` the file's content is in memory. It is not needed afterwards. No file is read: key frames
 // come from that content, and a prior in blocks is loaded whole.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST; the text is the engine's.
-//
-// Parameters:
-// - `path`: the file's name, ending in NUL. Read during the call. NULL: `options.content` is given.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
-// - `prior`: receives the prior, which nvsp_destroy ends. Not NULL.
+// - `path`: the file's name, ending in NUL. NULL: `options.content` is given.
+// - `options`: how; NULL: all as the file says.
+// - `prior`: receives the prior, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_prior_open(const struct nvsp_engine *engine,
                             const char *path,
@@ -400,9 +394,6 @@ typedef struct nvsp_keys {
 // frame.
 #define NVSP_MODE_ACKNOWLEDGED 4
 
-// With NVSP_MODE_CHAIN, NVSP_MODE_LAYERS or NVSP_MODE_KEYS, in place of NVSP_KEY_EVERY: no key frames after the first.
-#define NVSP_KEY_ONCE 4294967040
-
 // For nvsp_encoder_options.camera_interval: prior and camera are stated with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
 
@@ -443,12 +434,12 @@ typedef struct nvsp_encoder_options {
   // topside needs not know.
   uint32_t tune;
   // Each packet gets a number and a tag by these keys. They take nvsp_keys.tag_bytes and 2 bytes of it; budgets
-  // count them. Read during nvsp_encoder_create. NULL: none. Nor if an nvsp_sender divides the packets: give it the
+  // count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_sender divides the packets: it gets the
   // keys.
   const struct nvsp_keys *keys;
 } nvsp_encoder_options;
 
-// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+// Encodes the frames of one camera, in order. Example, which never waits for a frame:
 //
 //     if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
 //     while (nvsp_wait(encoder, 0) == NVSP_PENDING) steer();
@@ -459,14 +450,11 @@ typedef struct nvsp_encoder nvsp_encoder;
 // allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
 // quay. With NVSP_BOUND_MILLISECONDS the driver compiles here, and one render and one coding are measured.
 // Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the engine's.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `encoder`: receives the encoder, which nvsp_destroy ends. Not NULL.
+// - `prior`: a live prior that was opened with `engine`.
+// - `camera`: size, focal lengths and principal point, pixels.
+// - `options`: how; NULL: all defaults.
+// - `encoder`: receives the encoder, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_create(const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
@@ -667,20 +655,16 @@ typedef struct nvsp_frame_stats {
 //
 // The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls yield the same packets,
 // byte for byte, on the same device and driver.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
 // NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not seen the frame.
 // Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the next frame is encoded, and
 // nvsp_encode_finish fetches it.
-//
-// Parameters:
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-//   call. NULL: nothing is known.
-// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+// - `image`: the frame.
+// - `info`: what is known of the frame. NULL: nothing is known.
+// - `packet`: receives the packet.
 // - `size`: bytes of `packet`; nvsp_size_bound always suffices.
-// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `stats`: receives what the frame took. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         const struct nvsp_image *image,
@@ -690,7 +674,7 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         size_t *written,
                         struct nvsp_frame_stats *stats);
 
-// Decodes packets, in any order. One thread at a time may use it. Example:
+// Decodes packets, in any order. Example:
 //
 //     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
 //     picture.format = NVSP_FORMAT_RGB8;
@@ -702,14 +686,11 @@ typedef struct nvsp_decoder nvsp_decoder;
 
 // Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 // for its pictures.
-//
 // Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY; the text is the engine's.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
-// - `keys`: set up by NVSP_INIT. Only whole packets that an encoder has made with one of these keys are taken, and
-//   none a second time. Read during the call. NULL: none, and whatever comes is taken.
-// - `decoder`: receives the decoder, which nvsp_destroy ends. Not NULL.
+// - `prior`: a live prior that was opened with `engine`.
+// - `keys`: only whole packets that an encoder has made with one of these keys are taken, and none a second time.
+//   NULL: none, and whatever comes is taken.
+// - `decoder`: receives the decoder, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_create(const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
@@ -799,18 +780,15 @@ typedef struct nvsp_decoded {
 //
 // The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
 // device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
 // NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. With keys, fails with NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED: nothing of it
 // is read then. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded,
 // and nvsp_decode_finish fetches it.
-//
-// Parameters:
-// - `packet`: the packet. Read during the call. Not NULL.
+// - `packet`: the packet.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+// - `info`: receives what the packet yielded. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const uint8_t *packet,
@@ -822,8 +800,6 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
 // Ends a handle of any kind. What was made with it goes on to work: the last such handle frees what they share, and
 // closes the device, unless you gave it. Waits for a frame or a packet that was begun, at most as long as the watchdog
 // allows. Shares that wait in a sender are lost.
-//
-// Parameters:
 // - `handle`: a live handle, which no thread uses. NULL: nothing is done.
 void nvsp_destroy(void *handle);
 
@@ -837,123 +813,87 @@ void nvsp_destroy(void *handle);
 
 // An argument or a field is out of its range, or NULL where it must not be; the text names it. Correct the program.
 #define NVSP_ERR_ARGUMENT -1
-
 // A structure that was not set up by NVSP_INIT, or of a header that this library does not know. Build the program with
 // the header of this library.
 #define NVSP_ERR_STRUCTURE -2
-
 // The destination is too small. What else the call writes tells how many bytes are needed: `written`, or
 // nvsp_picture.needed. Call again with as many.
 #define NVSP_ERR_BUFFER_TOO_SMALL -3
-
 // Another thread is inside a call on this handle. Call again.
 #define NVSP_ERR_BUSY -4
-
 // There is nothing to finish or to fetch.
 #define NVSP_ERR_STATE -5
-
 // A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many
 // shares wait.
 #define NVSP_ERR_UNFINISHED -6
-
 // A fault of the library itself, in this call or an earlier one. Destroy the handle, and report the fault.
 #define NVSP_ERR_INTERNAL -7
-
 // No Vulkan loader, or no device that fits; the text says what was found and what to install.
 #define NVSP_ERR_NO_DEVICE -8
-
 // The device was lost, or did not end its work within nvsp_engine_options.watchdog_milliseconds. See
 // nvsp_engine_reopen.
 #define NVSP_ERR_DEVICE_LOST -9
-
 // Host or device memory could not be allocated, or the engine's limits do not allow it or so large a picture. The text
 // names what is too large, and the limit. Leave the frame out, or make room.
 #define NVSP_ERR_MEMORY -10
-
 // A Vulkan call failed; the text names it. Use another device or driver.
 #define NVSP_ERR_VULKAN -11
-
 // The system, a driver or an engine cannot do this; the text says what is missing. Do without.
 #define NVSP_ERR_UNSUPPORTED -12
-
 // A file cannot be read. Look at its path and its rights.
 #define NVSP_ERR_FILE -13
-
 // The content of a prior is not valid. The text names the splat or the byte. Get the file anew.
 #define NVSP_ERR_PRIOR -14
-
 // An image's size, shape, strides or planes do not fit, or its DMA-BUF is still being written. Leave the frame out.
 #define NVSP_ERR_IMAGE -15
-
 // The first frame came without a pose to start from, and the prior has no key frames. Give a hint.
 #define NVSP_ERR_NO_START -16
-
 // The byte budget does not even hold the pose, or a packet's shares do not. Give more bytes, or leave the frame out.
 #define NVSP_ERR_BUDGET -17
-
 // The bytes are no packet, or its latent part is damaged. Drop it.
 #define NVSP_ERR_PACKET -18
-
 // The packet is about another prior than the one at hand: open that one. Or one before was, or its render was another,
 // and this one does not state its prior: wait for one that does.
 #define NVSP_ERR_OTHER_PRIOR -19
-
 // The packet's tag is not that of the prior at hand with any camera known: the packet that states prior and camera is
 // missing, or it is about another prior. Wait for one that states them, or have the vehicle call
 // nvsp_encoder_announce.
 #define NVSP_ERR_CAMERA_UNKNOWN -20
-
 // A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or
 // looks like one by chance. Update this side.
 #define NVSP_ERR_NEWER -21
-
 // The bytes are no modem frame of a packet, or the packet does not fit the modem. Drop them.
 #define NVSP_ERR_MODEM -22
-
 // No key that is held has made the tag: of a stranger or of another epoch, or damaged. Drop it.
 #define NVSP_ERR_FOREIGN -23
-
 // It has the right tag, and comes a second time. Drop it; many tell of a stranger.
 #define NVSP_ERR_REPLAYED -24
-
 // The difference picture is damaged or cut short. Only nvsp_decoded.damage has it.
 #define NVSP_ERR_RESIDUAL -25
-
 // The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 // nvsp_decoded.damage has it.
 #define NVSP_ERR_REFERENCE -26
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
-//
-// Parameters:
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
 // Copies the text of the last failed call on a handle into `text`. An engine's is also that of the last failure to
 // make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the end. The text is
 // empty if nothing failed.
-//
 // Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
-//
-// Parameters:
-// - `handle`: a live handle of any kind. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `handle`: a live handle of any kind.
+// - `text`: receives the text, ending in NUL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_last_error(const void *handle,
-                            char *text,
-                            size_t size);
+nvsp_status nvsp_last_error(const void *handle, char *text, size_t size);
 
 // Tells whether the frame or the packet that was begun has ended, with success or not: NVSP_OK if it has, else
 // NVSP_PENDING. Waits for that at most as long as you say.
-//
 // Fails with NVSP_ERR_STATE if none was begun, or NVSP_ERR_ARGUMENT (another handle).
-//
-// Parameters:
 // - `handle`: an encoder or a decoder.
 // - `milliseconds`: the longest to wait; 0 does not wait.
 NVSP_CHECKED
-nvsp_status nvsp_wait(void *handle,
-                      uint32_t milliseconds);
+nvsp_status nvsp_wait(void *handle, uint32_t milliseconds);
 
 // Drops what was begun, and a packet or a picture that was not fetched; both frames, if two are under way. Never
 // waits: returns NVSP_OK if the handle is free again, or nothing was begun, else NVSP_PENDING. What was begun then
@@ -963,10 +903,7 @@ nvsp_status nvsp_wait(void *handle,
 //
 // A frame that is dropped counts as one whose packet was lost. Its number is used up. The next search may start at its
 // pose. The next packet names prior and camera in full. A camera that a dropped packet told is known afterwards.
-//
 // Fails with NVSP_ERR_ARGUMENT (another handle).
-//
-// Parameters:
 // - `handle`: an encoder or a decoder.
 NVSP_CHECKED
 nvsp_status nvsp_cancel(void *handle);
@@ -978,35 +915,26 @@ nvsp_status nvsp_cancel(void *handle);
 
 // Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
 #define NVSP_VERSION_MAJOR 1
-
 // Second number.
 #define NVSP_VERSION_MINOR 0
-
 // Third number.
 #define NVSP_VERSION_PATCH 0
-
 // The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
 #define NVSP_VERSION_NUMBER 1000000
 
 // Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 // The structure then means all defaults. The macro NVSP_INIT calls this.
-//
 // Fails with NVSP_ERR_STRUCTURE (size below 8 or above 4096, or another ABI version).
-//
-// Parameters:
-// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
+// - `structure`: is zeroed.
 // - `size`: bytes of the structure, 8 to 4096.
 // - `abi_version`: NVSP_ABI_VERSION of your header.
 nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
 
 // Returns the version of the library in use, such as "1.0.0". The text is static. NVSP_INIT and every call that takes
 // a structure refuse a program made for another NVSP_ABI_VERSION.
-//
-// Parameters:
 // - `number`: receives it as one number, as NVSP_VERSION_NUMBER has it for the header. NULL: not wanted.
 // - `abi_version`: receives the ABI version that the library speaks. NULL: not wanted.
-const char *nvsp_version(uint32_t *number,
-                         uint32_t *abi_version);
+const char *nvsp_version(uint32_t *number, uint32_t *abi_version);
 
 // ---- Engines ----
 
@@ -1029,28 +957,22 @@ typedef struct nvsp_engine_info {
 // prior again next. Then move encoders and decoders to it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep
 // their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
 // later.
-//
 // Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
 // and a new engine with it.
 NVSP_CHECKED
 nvsp_status nvsp_engine_reopen(const struct nvsp_engine *engine);
 
 // Describes the engine's device and its memory. Allocates.
-//
-// Parameters:
-// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+// - `info`: receives the description.
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
 
 // Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
 // start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
-//
 // Fails with NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+// - `bytes`: receives the data. NULL only if `size` is 0.
 // - `size`: bytes of `bytes`.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
                                            uint8_t *bytes,
@@ -1061,7 +983,6 @@ nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
 
 // Colours were left as they were.
 #define NVSP_WHITE_BALANCE_NONE 0
-
 // The means of red, green and blue were brought together, by gains up to 4.
 #define NVSP_WHITE_BALANCE_GRAY_WORLD 1
 
@@ -1145,37 +1066,29 @@ typedef struct nvsp_memory_estimate {
 // Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
 // nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 // Opens no device. Allocates; any thread may call it.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
-//
-// Parameters:
-// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
-// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+// - `path`: the file's name, ending in NUL.
+// - `camera`: the camera of encoders and decoders. NULL: their memory is not wanted.
+// - `estimate`: receives the estimate.
 NVSP_CHECKED
 nvsp_status nvsp_prior_estimate(const char *path,
                                 const struct nvsp_camera *camera,
                                 struct nvsp_memory_estimate *estimate);
 
 // Describes a prior. Call it between frames of a prior in blocks: it waits for the frame under way.
-//
-// Parameters:
-// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+// - `info`: receives the description.
 NVSP_CHECKED
 nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
 
 // ---- Images and poses ----
 
 // Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
-// same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
-//
+// same motion. Beyond 0 to 1 it goes on. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT if a pose is no rigid motion or the part is not finite, or so large that the pose is
 // not.
-//
-// Parameters:
-// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
+// - `from`, `to`: the poses, from world to camera.
 // - `part`: the part of the way: of a frame number between two others, (number - first) / (second - first).
-// - `between`: receives the pose, set up by NVSP_INIT. Not NULL.
+// - `between`: receives the pose.
 NVSP_CHECKED
 nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
                               const struct nvsp_pose *to,
@@ -1185,17 +1098,12 @@ nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
 // ---- Encoders ----
 
 // Sets the rate of all frames from here on.
-//
 // Fails with NVSP_ERR_ARGUMENT.
-//
-// Parameters:
 // - `mode`: NVSP_RATE_*.
 // - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
 //   none: 0.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
-                                  uint32_t mode,
-                                  float value);
+nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, float value);
 
 // Has the next packet state prior and camera. In a stream its frame is intra. Call it if a topside asks what the
 // packets are about, or if a packet was not sent.
@@ -1205,50 +1113,33 @@ nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 // Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
 // NVSP_MODE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
 // is unknown or too old: the last 32 can be reference frames.
-//
-// Fails with NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins).
-//
-// Parameters:
 // - `frame`: nvsp_decoded.frame.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
-                                     uint32_t frame);
+nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder, uint32_t frame);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
-//
 // Fails with NVSP_ERR_ARGUMENT (the camera, or lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
-                                    const struct nvsp_camera *camera);
+nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
 
 // Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 // finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
 // nvsp_encoder_options.search_bound allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
 // again.
-//
 // Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
 // - `most`: key frames to render at most; 0: only count those that are left.
 // - `left`: receives how many are not rendered yet. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
-                                 uint32_t most,
-                                 uint32_t *left);
+nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder, uint32_t most, uint32_t *left);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
 // See nvsp_engine_reopen.
-//
 // Fails with NVSP_ERR_OTHER_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `prior`: a live prior that was opened with `engine`.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
@@ -1262,19 +1153,14 @@ nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 // For nvsp_size_bound: a packet, with number and tag by any keys. With NVSP_RATE_BYTES the budget's size is enough,
 // too.
 #define NVSP_SIZE_PACKET 0
-
 // A truth map: a byte for each block.
 #define NVSP_SIZE_TRUTH 1
 
 // Tells how many bytes always suffice for a packet or a truth map of a picture of this size; 0 if no camera can have
 // it.
-//
-// Parameters:
 // - `of`: NVSP_SIZE_*.
 // - `width`, `height`: the camera's size, pixels.
-size_t nvsp_size_bound(uint32_t of,
-                       uint32_t width,
-                       uint32_t height);
+size_t nvsp_size_bound(uint32_t of, uint32_t width, uint32_t height);
 
 // Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that
 // it was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call
@@ -1301,12 +1187,9 @@ size_t nvsp_size_bound(uint32_t of,
 //             begun--;
 //         }
 //     }
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no
-// thread). If the frame itself fails, nvsp_encode_finish returns its status.
-//
-// Parameters:
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED or NVSP_ERR_MEMORY (no thread). If the frame
+// itself fails, nvsp_encode_finish returns its status.
+// - `image`: the frame.
 // - `info`: as for nvsp_encode.
 NVSP_CHECKED
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
@@ -1314,16 +1197,13 @@ nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_frame_info *info);
 
 // Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
-// if the frame has not ended. Never waits.
-//
+// if the frame has not ended.
 // Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After NVSP_ERR_BUFFER_TOO_SMALL the packet is
 // still there.
-//
-// Parameters:
-// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+// - `packet`: receives the packet.
 // - `size`: bytes of `packet`; nvsp_size_bound always suffices.
-// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `stats`: receives what the frame took. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                uint8_t *packet,
@@ -1333,28 +1213,21 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
 
 // What the topside will show of the last frame.
 #define NVSP_PICTURE_SHOWN 0
-
 // The prior's render alone.
 #define NVSP_PICTURE_RENDER 1
 
 // Copies a picture of the last frame encoded.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if there is none.
-//
-// Parameters:
 // - `which`: NVSP_PICTURE_*.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+// - `picture`: receives the picture. Its pixels are yours.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
-                                     uint32_t which,
-                                     struct nvsp_picture *picture);
+nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder, uint32_t which, struct nvsp_picture *picture);
 
 // ---- What an encoder's camera sees ----
 
 // Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
 // first 4, the first 5 or all 8 are given.
 #define NVSP_LENS_BROWN_CONRADY 1
-
 // Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
 #define NVSP_LENS_FISHEYE 2
 
@@ -1417,16 +1290,12 @@ typedef struct nvsp_mask {
 //     lens.count = 5; /* k1, k2, p1, p2, k3 */
 //     memcpy(lens.coefficients, calibration, 5 * sizeof(double));
 //     status = nvsp_encoder_set_lens(encoder, &lens);
-//
-// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the
-// image that has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if
-// camera and lens see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
-//
-// Parameters:
-// - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
+// Fails with NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that has no
+// ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens see
+// nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+// - `lens`: the lens; NULL: no lens from here on, images are of a pinhole camera.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
-                                  const struct nvsp_lens *lens);
+nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder, const struct nvsp_lens *lens);
 
 // Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
 // Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
@@ -1441,15 +1310,11 @@ nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
 //     mask.pixels = arm; /* 0 for a pixel of the arm, else 255 */
 //     mask.size = 640 * 360;
 //     status = nvsp_encoder_set_mask(encoder, &mask);
-//
-// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its
-// size is not the lens's, its shape not the camera's, or no pixel counts.
-//
-// Parameters:
-// - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
+// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
+// lens's, its shape not the camera's, or no pixel counts.
+// - `mask`: which pixels count; NULL: all pixels count.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
-                                  const struct nvsp_mask *mask);
+nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder, const struct nvsp_mask *mask);
 
 // Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
 // times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
@@ -1460,12 +1325,9 @@ nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
 //
 //     uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
 //     status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
-//
-// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096,
-// `size` is not columns times rows, or a weight is 0.
-//
-// Parameters:
-// - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
+// Fails with NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns
+// times rows, or a weight is 0.
+// - `weights`: their values. NULL, with sides and size of 0: all parts count the same.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
                                       uint32_t columns,
@@ -1477,7 +1339,6 @@ nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
 
 // `pose` is given.
 #define NVSP_HEADER_POSE 4
-
 // The packet states prior and camera; else they are those of an earlier packet.
 #define NVSP_HEADER_SESSION 8
 
@@ -1514,11 +1375,8 @@ typedef struct nvsp_header {
 
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not
 // wait until the camera is sent again. The decoder knows the last 256 cameras.
-//
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_MEMORY (more pixels than the engine allows).
-//
-// Parameters:
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
 
@@ -1529,21 +1387,15 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 // picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 //
 // Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
-// NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
-//
-// Parameters:
+// NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
 // - `on`: 1: filter pictures. 0: do not.
 NVSP_CHECKED
-nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder,
-                                    uint32_t on);
+nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder, uint32_t on);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
-//
 // Fails with NVSP_ERR_OTHER_PRIOR.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `prior`: a live prior that was opened with `engine`.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
@@ -1554,62 +1406,42 @@ nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
 // the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_wait and
 // nvsp_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
 // packet.
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY (no thread, or no copy of the packet), or, with
-// keys, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. If the packet itself fails, nvsp_decode_finish returns its status.
-//
-// Parameters:
-// - `packet`: the packet. Read during the call. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY (no thread, or no copy of the packet), or, with keys, NVSP_ERR_FOREIGN
+// or NVSP_ERR_REPLAYED. If the packet itself fails, nvsp_decode_finish returns its status.
+// - `packet`: the packet.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
 NVSP_CHECKED
-nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
-                              const uint8_t *packet,
-                              size_t size,
-                              uint32_t flags);
+nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder, const uint8_t *packet, size_t size, uint32_t flags);
 
-// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
-// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
-//
+// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room for. Returns
+// NVSP_PENDING if the packet has not ended.
 // Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After NVSP_ERR_BUFFER_TOO_SMALL the picture is
 // still there.
-//
-// Parameters:
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+// - `info`: receives what the packet yielded. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
-                               struct nvsp_picture *picture,
-                               struct nvsp_decoded *info);
+nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder, struct nvsp_picture *picture, struct nvsp_decoded *info);
 
 // Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
 // pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
 // device. Memory as for nvsp_decode: nothing from the second call on.
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded),
-// NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY,
+// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// - `pose`: the pose, from world to camera.
+// - `picture`: receives the picture. Its pixels are yours.
 NVSP_CHECKED
-nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder,
-                              const struct nvsp_pose *pose,
-                              struct nvsp_picture *picture);
+nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder, const struct nvsp_pose *pose, struct nvsp_picture *picture);
 
 // Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
 // prior and camera (36 in the paper's profile). Of a packet with a tag give what is behind it. Gives the pose only if
-// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Allocates nothing; any
-// thread may call it.
-//
+// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
 // NVSP_ERR_NEWER.
-//
-// Parameters:
-// - `packet`: the packet, or its start. Read during the call. Not NULL.
+// - `packet`: the packet, or its start.
 // - `size`: bytes of it that are there, 64 or more if it has as many.
 // - `prior`: a live prior. NULL: the pose is not wanted.
-// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
+// - `header`: receives what the packet says.
 NVSP_CHECKED
 nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
@@ -1620,13 +1452,10 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
 
 // A block is as the camera saw it.
 #define NVSP_TRUTH_AS_SEEN 0
-
 // It differs from what the camera saw.
 #define NVSP_TRUTH_DIFFERS 1
-
 // It is wrong.
 #define NVSP_TRUTH_WRONG 2
-
 // Nothing is known of it: it is memory.
 #define NVSP_TRUTH_NOT_SEEN 3
 
@@ -1656,21 +1485,17 @@ typedef struct nvsp_truth {
 // All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
 // picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if
 // nvsp_decoder_draw drew the picture. A packet that is refused changes nothing: the map stays that of the picture
-// before. Never waits, and allocates nothing. Example:
+// before. Example:
 //
 //     nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
 //     size_t size = nvsp_size_bound(NVSP_SIZE_TRUTH, info.width, info.height);
 //     status = nvsp_decoder_get_truth(decoder, levels, size, &bytes, &truth);
 //     if (levels[y / truth.block_size * truth.columns + x / truth.block_size] == NVSP_TRUTH_WRONG) warn(x, y);
-//
-// Fails with NVSP_ERR_STATE (no picture yet), NVSP_ERR_UNFINISHED (a packet is under way) or
-// NVSP_ERR_BUFFER_TOO_SMALL.
-//
-// Parameters:
-// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each. Yours, of `size` bytes. Not NULL.
+// Fails with NVSP_ERR_STATE (no picture yet) or NVSP_ERR_BUFFER_TOO_SMALL.
+// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each.
 // - `size`: bytes of `levels`; nvsp_size_bound suffices.
-// - `written`: receives the bytes that the map takes. Not NULL.
-// - `truth`: receives what they are about, set up by NVSP_INIT. NULL: not wanted.
+// - `written`: receives the bytes that the map takes.
+// - `truth`: receives what they are about. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
                                    uint8_t *levels,
@@ -1682,8 +1507,7 @@ nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
 
 // Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
 // combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
-// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
-// time may use it. Example:
+// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. Example:
 //
 //     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
 //     status = nvsp_sender_plan(sender, now, &budget);
@@ -1710,7 +1534,6 @@ typedef struct nvsp_sender nvsp_sender;
 // nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
 // packets of twice the latency.
 #define NVSP_SENDER_EXPECT_REPORTS 1
-
 // nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
 // missing. Needs stream 0 and no user bytes. Below an MTU of 16 a packet has at most 8 shares, and these have no check
 // of their own: the modem must find damage.
@@ -1815,52 +1638,39 @@ typedef struct nvsp_processed_report {
 
 // Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
 // within the latency.
-//
 // Fails with NVSP_ERR_ARGUMENT (an option, which the status text does not name), NVSP_ERR_MODEM (the MTU) or
 // NVSP_ERR_MEMORY.
-//
-// Parameters:
 // - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
 //   take. Both sides need the same.
-// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
-// - `sender`: receives the sender, which nvsp_destroy ends. Not NULL.
+// - `options`: what the link carries, and what its pictures should be.
+// - `sender`: receives the sender, which nvsp_destroy ends.
 NVSP_CHECKED
-nvsp_status nvsp_sender_create(uint32_t mtu,
-                               const struct nvsp_sender_options *options,
-                               struct nvsp_sender **sender);
+nvsp_status nvsp_sender_create(uint32_t mtu, const struct nvsp_sender_options *options, struct nvsp_sender **sender);
 
 // Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
 // out (nvsp_frame_info.left_out of the next one), as the link has no bytes for it. Ask for each frame of the camera,
 // or as often as you like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest
-// packet that it takes. Allocates nothing.
-//
+// packet that it takes.
 // Fails with NVSP_ERR_ARGUMENT (the time).
-//
-// Parameters:
 // - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
-// - `bytes`: receives the bytes. Not NULL.
+// - `bytes`: receives the bytes.
 NVSP_CHECKED
-nvsp_status nvsp_sender_plan(struct nvsp_sender *sender,
-                             double now,
-                             uint32_t *bytes);
+nvsp_status nvsp_sender_plan(struct nvsp_sender *sender, double now, uint32_t *bytes);
 
 // Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
 // be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
-// without a plan. Allocates nothing.
-//
+// without a plan.
 // Fails with NVSP_ERR_ARGUMENT (the time, or not as many user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_MODEM
 // (the bytes are not exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or
 // its packet was taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or
 // nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan
 // stays then.
-//
-// Parameters:
 // - `now`: when the packet is ready, seconds.
-// - `packet`: the packet. Read during the call. Not NULL.
+// - `packet`: the packet.
 // - `size`: bytes of `packet`.
-// - `user`: the user bytes. Read during the call. NULL only if `user_size` is 0.
+// - `user`: the user bytes. NULL only if `user_size` is 0.
 // - `user_size`: bytes of `user`; nvsp_sender_options.user_bytes.
-// - `division`: receives how the packet was divided, set up by NVSP_INIT. NULL: not wanted.
+// - `division`: receives how the packet was divided. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
                              double now,
@@ -1871,28 +1681,18 @@ nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
                              struct nvsp_division *division);
 
 // Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
-// writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
-// nothing.
-//
+// writes nothing then. Call it when the modem is free: shares that it had no time for are due still.
 // Fails with NVSP_ERR_ARGUMENT (the time) or NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
-//
-// Parameters:
 // - `now`: seconds.
-// - `share`: receives the share, which is a modem frame. It may be filled up with zeros. Yours, of `size` bytes. Not
-//   NULL.
+// - `share`: receives the share, which is a modem frame. It may be filled up with zeros.
 // - `size`: bytes of `share`; the MTU always suffices.
-// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 NVSP_CHECKED
-nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
-                             double now,
-                             uint8_t *share,
-                             size_t size,
-                             size_t *written);
+nvsp_status nvsp_sender_next(struct nvsp_sender *sender, double now, uint8_t *share, size_t size, size_t *written);
 
 // Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
 // step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
-// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Allocates
-// nothing. Example:
+// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Example:
 //
 //     nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
 //     if (nvsp_sender_process_report(sender, now, bytes, size, &processed) == NVSP_OK) {
@@ -1900,16 +1700,13 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
 //             status = nvsp_encoder_acknowledge(encoder, processed.kept[i]);
 //         }
 //     }
-//
 // Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
 // (the sender was made without NVSP_SENDER_EXPECT_REPORTS); with keys NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. Nothing
 // changes then.
-//
-// Parameters:
 // - `now`: when the report came, seconds.
-// - `report`: its bytes. Read during the call. Not NULL.
+// - `report`: its bytes.
 // - `size`: bytes of `report`.
-// - `processed`: receives what it says, set up by NVSP_INIT. Not NULL.
+// - `processed`: receives what it says.
 NVSP_CHECKED
 nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
                                        double now,
@@ -1917,57 +1714,38 @@ nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
                                        size_t size,
                                        struct nvsp_processed_report *processed);
 
-// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
-//
-// Parameters:
-// - `time`: receives the time, seconds. It may have passed. Not NULL.
+// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then.
+// - `time`: receives the time, seconds. It may have passed.
 NVSP_CHECKED
-nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
-                            double *time);
+nvsp_status nvsp_sender_due(struct nvsp_sender *sender, double *time);
 
-// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
-//
+// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer.
 // Fails with NVSP_ERR_ARGUMENT (the time).
-//
-// Parameters:
 // - `now`: seconds.
 // - `bytes`: their number, with what they cost beside themselves.
 NVSP_CHECKED
-nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
-                              double now,
-                              uint32_t bytes);
+nvsp_status nvsp_sender_count(struct nvsp_sender *sender, double now, uint32_t bytes);
 
-// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
-//
+// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate.
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The rate before stays
 // then.
-//
-// Parameters:
 // - `now`: seconds.
 // - `bit_rate`: bit/s, above 0.
 NVSP_CHECKED
-nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
-                                     double now,
-                                     double bit_rate);
+nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender, double now, double bit_rate);
 
 // Sets what the next packets are protected against, for example as the topside has measured it
-// (nvsp_collector_statistics). Allocates nothing.
-//
+// (nvsp_collector_statistics).
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The loss before stays
 // then.
-//
-// Parameters:
 // - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
 // - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
 NVSP_CHECKED
-nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender,
-                                 double loss,
-                                 double burst);
+nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender, double loss, double burst);
 
 // ---- The topside's end of a link ----
 
-// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
-// use it. Example:
+// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. Example:
 //
 //     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
 //     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
@@ -2004,20 +1782,15 @@ typedef struct nvsp_collector_options {
 
 // The packet is complete.
 #define NVSP_EVENT_COMPLETE 1
-
 // The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
 #define NVSP_EVENT_GROWN 2
-
 // The share is kept. It is of use once more come.
 #define NVSP_EVENT_KEPT 3
-
 // The share was there already.
 #define NVSP_EVENT_DUPLICATE 4
-
 // The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
 // packet the first one stays, as far as it is valid.
 #define NVSP_EVENT_DAMAGED 5
-
 // The share's packet was complete before.
 #define NVSP_EVENT_SURPLUS 6
 
@@ -2048,46 +1821,34 @@ typedef struct nvsp_collected {
   uint32_t reserved;
 } nvsp_collected;
 
-// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
-//
+// Tells how much memory a collector takes for its packets. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MODEM (an MTU without room for keys).
-//
-// Parameters:
 // - `mtu`: most bytes of a modem frame, 1 to 65535; with keys from 8 more than they take.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `bytes`: receives the bytes. Not NULL.
+// - `options`: how; NULL: all defaults.
+// - `bytes`: receives the bytes.
 NVSP_CHECKED
-nvsp_status nvsp_collector_memory(uint32_t mtu,
-                                  const struct nvsp_collector_options *options,
-                                  uint64_t *bytes);
+nvsp_status nvsp_collector_memory(uint32_t mtu, const struct nvsp_collector_options *options, uint64_t *bytes);
 
 // Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MODEM (an MTU without room for keys) or NVSP_ERR_MEMORY.
-//
-// Parameters:
 // - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
 //   as many more as these take. What lies beyond it is padding.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `collector`: receives the collector, which nvsp_destroy ends. Not NULL.
+// - `options`: how; NULL: all defaults.
+// - `collector`: receives the collector, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_collector_create(uint32_t mtu,
                                   const struct nvsp_collector_options *options,
                                   struct nvsp_collector **collector);
 
 // Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
-// Allocates nothing.
-//
 // Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
 // that is not taken, or is one of more shares than there is room for. With keys, NVSP_ERR_FOREIGN or
 // NVSP_ERR_REPLAYED: nothing of it is read then. What came before is not lost.
-//
-// Parameters:
 // - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
 //   stale.
-// - `frame`: the modem frame. Read during the call. Not NULL.
+// - `frame`: the modem frame.
 // - `size`: bytes of it.
-// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
+// - `state`: receives what it brought. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
                                 double now,
@@ -2097,18 +1858,14 @@ nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
 
 // Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
 // which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
-// Allocates nothing.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a
 // picture.
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as nvsp_collected.frame has it.
-// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
+// - `packet`: receives the packet, or its start.
 // - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `state`: receives what is there of the packet. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
                                  uint32_t stream,
@@ -2118,17 +1875,14 @@ nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
                                  size_t *written,
                                  struct nvsp_collected *state);
 
-// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
-//
+// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of the packet that makes
 // a picture, or it has none.
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `user`: receives the user bytes. Yours, of `size` bytes. Not NULL.
+// - `user`: receives the user bytes.
 // - `size`: bytes of `user`; 255 always suffice.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 NVSP_CHECKED
 nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
                                       uint32_t stream,
@@ -2137,31 +1891,23 @@ nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
                                       size_t size,
                                       size_t *written);
 
-// Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
-//
+// Tells what is there of the packet of the greatest frame number of a stream that yields a picture.
 // Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_STATE if there is none.
-//
-// Parameters:
 // - `stream`: the stream.
-// - `state`: receives what is there, set up by NVSP_INIT. Not NULL.
+// - `state`: receives what is there.
 NVSP_CHECKED
-nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
-                                  uint32_t stream,
-                                  struct nvsp_collected *state);
+nvsp_status nvsp_collector_newest(struct nvsp_collector *collector, uint32_t stream, struct nvsp_collected *state);
 
 // Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
-// yields a picture, its frame number counts modulo 256. Allocates nothing.
-//
+// yields a picture, its frame number counts modulo 256.
 // Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
 // each eight.
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
+// - `bits`: receives the bits; those beyond `known` are zero.
 // - `size`: bytes of `bits`; an eighth of nvsp_collector_options.shares, rounded up, always suffices.
 // - `known`: receives how many shares are known of: all that the packet was sent in; of an unprotected one whose
-//   length has not come those up to the first missing one; 0: none has come. Not NULL.
+//   length has not come those up to the first missing one; 0: none has come.
 NVSP_CHECKED
 nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
                                    uint32_t stream,
@@ -2172,17 +1918,13 @@ nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
 
 // Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 // of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
-// number counts modulo 256. Allocates nothing.
-//
+// number counts modulo 256.
 // Fails with NVSP_ERR_ARGUMENT (the stream).
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
-//   is 0.
+// - `indices`: receives the first indices, as many as there is room for. NULL only if `room` is 0.
 // - `room`: most indices to write.
-// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
+// - `count`: receives how many are missing in all, which may be more than `room`.
 NVSP_CHECKED
 nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
                                    uint32_t stream,
@@ -2193,22 +1935,18 @@ nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
 
 // Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
 // nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
-// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
-// nothing.
-//
+// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then.
 // Fails with NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes) or NVSP_ERR_MODEM (`size` is too small for
 // any report).
-//
-// Parameters:
 // - `stream`: the stream.
-// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
-//   during the call. NULL only if `kept_count` is 0.
+// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. NULL
+//   only if `kept_count` is 0.
 // - `kept_count`: how many. Frames that the report does not tell of are ignored.
-// - `user`: bytes of yours that go with the report. Read during the call. NULL: none.
+// - `user`: bytes of yours that go with the report. NULL: none.
 // - `user_size`: bytes of `user`, at most 255.
-// - `report`: receives the report. Yours, of `size` bytes. Not NULL.
+// - `report`: receives the report.
 // - `size`: most bytes of a modem frame.
-// - `written`: receives the report's length, bytes. Not NULL.
+// - `written`: receives the report's length, bytes.
 NVSP_CHECKED
 nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
                                   uint32_t stream,

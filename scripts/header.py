@@ -74,12 +74,19 @@ def translate(sources):
 def function(block):
     """A function's block with its attribute: the status must be looked at. That a pointer is not NULL is no attribute:
     a compiler would take checks of it away, though NULL has a status."""
-    block = re.sub(r"^// # (Safety|Parameters)$", "// Parameters:", block, flags=re.M)
+    block = re.sub(r"^//\n// # (?:Safety|Parameters)\n", "", block, flags=re.M)
+    block = re.sub(r"^//\n(?=// Fails )", "", block, flags=re.M)
     comment, declaration = re.match(r"((?://.*\n)*)((?:.|\n)*)", block).groups()
     name = re.search(r"(\w+)\(", declaration)[1]
     # A call that cannot fail if it is used as it should be may be left unchecked.
     checked = declaration.startswith("nvsp_status ") and name not in ("nvsp_last_error", "nvsp_struct_init")
     return comment + ("NVSP_CHECKED\n" if checked else "") + declaration
+
+
+def paragraphs(text):
+    """The text with constants of one kind, such as statuses, next to each other."""
+    between = re.compile(r"^(#define NVSP_([A-Z]+)_.*\n)\n(?=(?://.*\n)+#define NVSP_\2_)", re.M)
+    return between.sub(r"\1", text)
 
 
 class Writer:
@@ -133,7 +140,7 @@ def main():
             for _, name in ITEM.findall("\n".join(files[file] for file in part.split())):
                 writer.put(name)
         with open(f"{folder}/{header}.h", "w", encoding="utf-8") as file:
-            file.write(template.replace("@ITEMS@", "\n\n".join(writer.text)))
+            file.write(template.replace("@ITEMS@", paragraphs("\n\n".join(writer.text))))
 
 
 main()

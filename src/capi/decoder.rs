@@ -21,7 +21,7 @@ use super::status::*;
 use super::structs::{Checked, In, Out, Place, versioned, zeroed};
 use super::thread::{ThreadStart, spawner};
 
-/// Decodes packets, in any order. One thread at a time may use it. Example:
+/// Decodes packets, in any order. Example:
 ///
 /// ```c
 /// nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
@@ -249,10 +249,10 @@ versioned!(nvsp_header, 120);
 /// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY; the text is the engine's.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
-/// - `keys`: set up by NVSP_INIT. Only whole packets that an encoder has made with one of these keys are taken, and
-///   none a second time. Read during the call. NULL: none, and whatever comes is taken.
-/// - `decoder`: receives the decoder, which nvsp_destroy ends. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
+/// - `keys`: only whole packets that an encoder has made with one of these keys are taken, and none a second time.
+///   NULL: none, and whatever comes is taken.
+/// - `decoder`: receives the decoder, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_create(
     engine: Option<&nvsp_engine>,
@@ -279,7 +279,7 @@ pub extern "C" fn nvsp_decoder_create(
 /// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_MEMORY (more pixels than the engine allows).
 ///
 /// # Parameters
-/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_add_camera(
     decoder: Option<&nvsp_decoder>,
@@ -299,7 +299,7 @@ pub extern "C" fn nvsp_decoder_add_camera(
 /// picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 ///
 /// Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
-/// NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
+/// NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
 ///
 /// # Parameters
 /// - `on`: 1: filter pictures. 0: do not.
@@ -320,7 +320,7 @@ pub extern "C" fn nvsp_decoder_set_filter(decoder: Option<&nvsp_decoder>, on: u3
 /// Fails with NVSP_ERR_OTHER_PRIOR.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_reopen(
     decoder: Option<&nvsp_decoder>,
@@ -350,11 +350,11 @@ pub extern "C" fn nvsp_decoder_reopen(
 /// and nvsp_decode_finish fetches it.
 ///
 /// # Safety
-/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `packet`: the packet.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+/// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+/// - `info`: receives what the packet yielded. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
     decoder: Option<&nvsp_decoder>,
@@ -379,11 +379,11 @@ pub unsafe extern "C" fn nvsp_decode(
 /// nvsp_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
 /// packet.
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY (no thread, or no copy of the packet), or, with
-/// keys, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. If the packet itself fails, nvsp_decode_finish returns its status.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY (no thread, or no copy of the packet), or, with keys, NVSP_ERR_FOREIGN
+/// or NVSP_ERR_REPLAYED. If the packet itself fails, nvsp_decode_finish returns its status.
 ///
 /// # Safety
-/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `packet`: the packet.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
 #[unsafe(no_mangle)]
@@ -401,15 +401,15 @@ pub unsafe extern "C" fn nvsp_decode_begin(
     })
 }
 
-/// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
-/// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
+/// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room for. Returns
+/// NVSP_PENDING if the packet has not ended.
 ///
 /// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After NVSP_ERR_BUFFER_TOO_SMALL the picture is
 /// still there.
 ///
 /// # Parameters
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+/// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+/// - `info`: receives what the packet yielded. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decode_finish(
     decoder: Option<&nvsp_decoder>,
@@ -426,12 +426,12 @@ pub extern "C" fn nvsp_decode_finish(
 /// pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
 /// device. Memory as for nvsp_decode: nothing from the second call on.
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded),
-/// NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY,
+/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Parameters
-/// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+/// - `pose`: the pose, from world to camera.
+/// - `picture`: receives the picture. Its pixels are yours.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_draw(
     decoder: Option<&nvsp_decoder>,
@@ -459,17 +459,16 @@ pub extern "C" fn nvsp_decoder_draw(
 
 /// Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
 /// prior and camera (36 in the paper's profile). Of a packet with a tag give what is behind it. Gives the pose only if
-/// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Allocates nothing; any
-/// thread may call it.
+/// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Any thread may call it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
 /// NVSP_ERR_NEWER.
 ///
 /// # Safety
-/// - `packet`: the packet, or its start. Read during the call. Not NULL.
+/// - `packet`: the packet, or its start.
 /// - `size`: bytes of it that are there, 64 or more if it has as many.
 /// - `prior`: a live prior. NULL: the pose is not wanted.
-/// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
+/// - `header`: receives what the packet says.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_header(
     packet: *const u8,

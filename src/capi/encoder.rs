@@ -55,9 +55,9 @@ pub const NVSP_MODE_KEYS: u32 = 3;
 /// A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
 /// frame.
 pub const NVSP_MODE_ACKNOWLEDGED: u32 = 4;
-/// With NVSP_MODE_CHAIN, NVSP_MODE_LAYERS or NVSP_MODE_KEYS, in place of NVSP_KEY_EVERY: no key frames after the first.
-pub const NVSP_KEY_ONCE: u32 = 0xFFFF_FF00;
-/// Bits of nvsp_encoder_options.mode below the key interval.
+/// NVSP_KEY_ONCE.
+const KEY_ONCE: u32 = 0xFFFF_FF00;
+/// Bits of nvsp_encoder_options.mode below the key interval: see NVSP_KEY_EVERY.
 const KEY_SHIFT: u32 = 8;
 
 /// For nvsp_encoder_options.camera_interval: prior and camera are stated with the first frame only.
@@ -102,7 +102,7 @@ pub struct nvsp_encoder_options {
     /// topside needs not know.
     pub tune: u32,
     /// Each packet gets a number and a tag by these keys. They take nvsp_keys.tag_bytes and 2 bytes of it; budgets
-    /// count them. Read during nvsp_encoder_create. NULL: none. Nor if an nvsp_sender divides the packets: give it the
+    /// count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_sender divides the packets: it gets the
     /// keys.
     pub keys: In<nvsp_keys>,
 }
@@ -223,10 +223,10 @@ versioned!(nvsp_frame_stats, 464);
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the engine's.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
-/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-/// - `encoder`: receives the encoder, which nvsp_destroy ends. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
+/// - `camera`: size, focal lengths and principal point, pixels.
+/// - `options`: how; NULL: all defaults.
+/// - `encoder`: receives the encoder, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_create(
     engine: Option<&nvsp_engine>,
@@ -301,10 +301,10 @@ fn mode(mode: u32) -> Result<Mode, Failure> {
     let interval = mode >> KEY_SHIFT;
     let key_every = match interval {
         0 => 16,
-        _ if mode >= NVSP_KEY_ONCE => 0,
+        _ if mode >= KEY_ONCE => 0,
         frames => frames,
     };
-    Ok(match mode & !NVSP_KEY_ONCE {
+    Ok(match mode & !KEY_ONCE {
         NVSP_MODE_CHAIN => Mode::Stream(Structure::Chain { key_every }),
         NVSP_MODE_LAYERS => Mode::Stream(Structure::Layers { key_every }),
         NVSP_MODE_KEYS => Mode::Stream(Structure::Keys { key_every }),
@@ -384,8 +384,6 @@ pub extern "C" fn nvsp_encoder_announce(encoder: Option<&nvsp_encoder>) -> nvsp_
 /// NVSP_MODE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
 /// is unknown or too old: the last 32 can be reference frames.
 ///
-/// Fails with NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins).
-///
 /// # Parameters
 /// - `frame`: nvsp_decoded.frame.
 #[unsafe(no_mangle)]
@@ -406,7 +404,7 @@ pub extern "C" fn nvsp_encoder_acknowledge(
 /// NVSP_ERR_DEVICE_LOST.
 ///
 /// # Parameters
-/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_set_camera(
     encoder: Option<&nvsp_encoder>,
@@ -453,7 +451,7 @@ pub extern "C" fn nvsp_encoder_prepare(
 /// Fails with NVSP_ERR_OTHER_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_reopen(
     encoder: Option<&nvsp_encoder>,
@@ -520,13 +518,12 @@ pub extern "C" fn nvsp_size_bound(of: u32, width: u32, height: u32) -> usize {
 /// nvsp_encode_finish fetches it.
 ///
 /// # Safety
-/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-///   call. NULL: nothing is known.
-/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+/// - `image`: the frame.
+/// - `info`: what is known of the frame. NULL: nothing is known.
+/// - `packet`: receives the packet.
 /// - `size`: bytes of `packet`; nvsp_size_bound always suffices.
-/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+/// - `stats`: receives what the frame took. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode(
     encoder: Option<&nvsp_encoder>,
@@ -575,11 +572,11 @@ pub unsafe extern "C" fn nvsp_encode(
 /// }
 /// ```
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no
-/// thread). If the frame itself fails, nvsp_encode_finish returns its status.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED or NVSP_ERR_MEMORY (no thread). If the frame
+/// itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
-/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+/// - `image`: the frame.
 /// - `info`: as for nvsp_encode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin(
@@ -595,16 +592,16 @@ pub unsafe extern "C" fn nvsp_encode_begin(
 }
 
 /// Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
-/// if the frame has not ended. Never waits.
+/// if the frame has not ended.
 ///
 /// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After NVSP_ERR_BUFFER_TOO_SMALL the packet is
 /// still there.
 ///
 /// # Safety
-/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
+/// - `packet`: receives the packet.
 /// - `size`: bytes of `packet`; nvsp_size_bound always suffices.
-/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+/// - `stats`: receives what the frame took. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_finish(
     encoder: Option<&nvsp_encoder>,
@@ -632,7 +629,7 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 ///
 /// # Parameters
 /// - `which`: NVSP_PICTURE_*.
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+/// - `picture`: receives the picture. Its pixels are yours.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_get_picture(
     encoder: Option<&nvsp_encoder>,

@@ -18,7 +18,7 @@ use super::memory::Grant;
 use super::status::*;
 use super::thread::{ThreadStart, spawner};
 
-/// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+/// Encodes the frames of one camera, in order. Example, which never waits for a frame:
 ///
 /// ```c
 /// if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;

@@ -16,7 +16,7 @@ use super::structs::{In, Out, Place, User, versioned, zeroed};
 use super::thread::{ThreadStart, nvsp_thread_callback};
 use super::vulkan::{given, nvsp_vulkan};
 
-/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+/// An opened Vulkan device with all pipelines built. Example:
 ///
 /// ```c
 /// nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
@@ -135,9 +135,8 @@ versioned!(nvsp_engine_info, 288);
 /// NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Parameters
-/// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
-///   the engine lives. NULL: all defaults.
-/// - `engine`: receives the engine, which nvsp_destroy ends. Not NULL.
+/// - `options`: `log` and `log_user` are used as long as anything made with the engine lives. NULL: all defaults.
+/// - `engine`: receives the engine, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_engine_create(
     options: In<nvsp_engine_options>,
@@ -238,7 +237,7 @@ pub extern "C" fn nvsp_engine_reopen(engine: Option<&nvsp_engine>) -> nvsp_statu
 /// Describes the engine's device and its memory. Allocates.
 ///
 /// # Parameters
-/// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+/// - `info`: receives the description.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_engine_get_info(
     engine: Option<&nvsp_engine>,
@@ -266,9 +265,9 @@ pub extern "C" fn nvsp_engine_get_info(
 /// Fails with NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
-/// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+/// - `bytes`: receives the data. NULL only if `size` is 0.
 /// - `size`: bytes of `bytes`.
-/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_get_pipeline_cache(
     engine: Option<&nvsp_engine>,

@@ -250,8 +250,8 @@ impl Failures {
 /// Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
 ///
 /// # Safety
-/// - `handle`: a live handle of any kind. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `handle`: a live handle of any kind.
+/// - `text`: receives the text, ending in NUL.
 /// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_last_error(
@@ -323,7 +323,9 @@ pub unsafe extern "C" fn nvsp_destroy(handle: *mut c_void) {
     let _ = catch_unwind(AssertUnwindSafe(|| {
         // SAFETY: a live handle, see `# Safety`: `Handle::boxed` made the box, and nobody uses it afterwards.
         let handle = unsafe { any(handle).map(|handle| Box::from_raw(handle)) };
-        handle.map(|handle| handle.end());
+        if let Some(handle) = handle {
+            handle.end();
+        }
     }));
 }
 

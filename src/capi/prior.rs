@@ -23,7 +23,7 @@ use super::status::*;
 use super::structs::{In, Out, Place, number, versioned, zeroed};
 use super::thread::Thread;
 
-/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+/// A trained scene on the device. Example:
 ///
 /// ```c
 /// nvsp_prior *prior = NULL;
@@ -215,9 +215,9 @@ versioned!(nvsp_memory_estimate, 64);
 /// NVSP_ERR_DEVICE_LOST; the text is the engine's.
 ///
 /// # Safety
-/// - `path`: the file's name, ending in NUL. Read during the call. NULL: `options.content` is given.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
-/// - `prior`: receives the prior, which nvsp_destroy ends. Not NULL.
+/// - `path`: the file's name, ending in NUL. NULL: `options.content` is given.
+/// - `options`: how; NULL: all as the file says.
+/// - `prior`: receives the prior, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_open(
     engine: Option<&nvsp_engine>,
@@ -454,9 +454,9 @@ fn drawn_so(
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
 ///
 /// # Safety
-/// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-/// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
-/// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+/// - `path`: the file's name, ending in NUL.
+/// - `camera`: the camera of encoders and decoders. NULL: their memory is not wanted.
+/// - `estimate`: receives the estimate.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_estimate(
     path: *const c_char,
@@ -505,7 +505,7 @@ fn estimate_of(claims: &PriorClaims, camera: Option<Camera>) -> nvsp_memory_esti
 /// Describes a prior. Call it between frames of a prior in blocks: it waits for the frame under way.
 ///
 /// # Parameters
-/// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+/// - `info`: receives the description.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_prior_get_info(
     prior: Option<&nvsp_prior>,

@@ -59,7 +59,7 @@ pub(super) fn number(value: usize) -> u32 {
 /// Fails with NVSP_ERR_STRUCTURE (size below 8 or above 4096, or another ABI version).
 ///
 /// # Safety
-/// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
+/// - `structure`: is zeroed.
 /// - `size`: bytes of the structure, 8 to 4096.
 /// - `abi_version`: NVSP_ABI_VERSION of your header.
 #[unsafe(no_mangle)]

@@ -53,7 +53,7 @@ versioned!(nvsp_truth, 32);
 /// All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
 /// picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if
 /// nvsp_decoder_draw drew the picture. A packet that is refused changes nothing: the map stays that of the picture
-/// before. Never waits, and allocates nothing. Example:
+/// before. Example:
 ///
 /// ```c
 /// nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
@@ -62,14 +62,13 @@ versioned!(nvsp_truth, 32);
 /// if (levels[y / truth.block_size * truth.columns + x / truth.block_size] == NVSP_TRUTH_WRONG) warn(x, y);
 /// ```
 ///
-/// Fails with NVSP_ERR_STATE (no picture yet), NVSP_ERR_UNFINISHED (a packet is under way) or
-/// NVSP_ERR_BUFFER_TOO_SMALL.
+/// Fails with NVSP_ERR_STATE (no picture yet) or NVSP_ERR_BUFFER_TOO_SMALL.
 ///
 /// # Safety
-/// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each. Yours, of `size` bytes. Not NULL.
+/// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each.
 /// - `size`: bytes of `levels`; nvsp_size_bound suffices.
-/// - `written`: receives the bytes that the map takes. Not NULL.
-/// - `truth`: receives what they are about, set up by NVSP_INIT. NULL: not wanted.
+/// - `written`: receives the bytes that the map takes.
+/// - `truth`: receives what they are about. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_get_truth(
     decoder: Option<&nvsp_decoder>,
