@@ -547,7 +547,7 @@ typedef struct nvsp_frame_info {
   uint32_t left_out;
 } nvsp_frame_info;
 
-// The picture does not confirm the pose.
+// The picture does not confirm the pose. The encoder looks for it again at every frame.
 #define NVSP_FRAME_UNCERTAIN 1
 // The rate was not kept: the budget holds no difference picture, or the best one does not reach
 // the PSNR.
@@ -584,11 +584,6 @@ typedef struct nvsp_frame_info {
 // No iterations were left.
 #define NVSP_STOP_ITERATIONS 3
 
-// The picture confirms the pose.
-#define NVSP_STATE_CERTAIN 0
-// The pose is not certain. The encoder looks for it again at every frame.
-#define NVSP_STATE_LOST 1
-
 // What encoding a frame took and yielded.
 typedef struct nvsp_frame_stats {
   uint32_t struct_size;
@@ -599,6 +594,8 @@ typedef struct nvsp_frame_stats {
   uint32_t bytes;
   // Bytes of its latent part, which makes a picture by itself.
   uint32_t latent_bytes;
+  // Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
+  uint32_t truth_bytes;
   // Renders of the prior at full resolution that the frame took.
   uint32_t full_renders;
   // NVSP_START_*.
@@ -608,8 +605,6 @@ typedef struct nvsp_frame_stats {
   // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE,
   // NVSP_FRAME_POSITION_KNOWN and NVSP_FRAME_OUT_OF_TIME bits.
   uint32_t flags;
-  // NVSP_STATE_*.
-  uint32_t state;
   // PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated
   // one, here and below: figures of priors of different preprocessing cannot be compared.
   double render_psnr;
@@ -639,10 +634,6 @@ typedef struct nvsp_frame_stats {
   uint32_t frames_since_certain;
   // How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
   uint32_t reference_distance;
-  // Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
-  uint32_t truth_bytes;
-  // Zero.
-  uint32_t reserved;
   // With keys: the number of the next packet. Else 0. See nvsp_keys.number.
   uint64_t next_number;
 } nvsp_frame_stats;

@@ -108,7 +108,7 @@ pub struct nvsp_encoder_options {
 }
 versioned!(nvsp_encoder_options, 56);
 
-/// The picture does not confirm the pose.
+/// The picture does not confirm the pose. The encoder looks for it again at every frame.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
 /// The rate was not kept: the budget holds no difference picture, or the best one does not reach
 /// the PSNR.
@@ -149,11 +149,6 @@ pub const NVSP_STOP_NO_DESCENT: u32 = 2;
 /// No iterations were left.
 pub const NVSP_STOP_ITERATIONS: u32 = 3;
 
-/// The picture confirms the pose.
-pub const NVSP_STATE_CERTAIN: u32 = 0;
-/// The pose is not certain. The encoder looks for it again at every frame.
-pub const NVSP_STATE_LOST: u32 = 1;
-
 /// What encoding a frame took and yielded.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -166,6 +161,8 @@ pub struct nvsp_frame_stats {
     pub bytes: u32,
     /// Bytes of its latent part, which makes a picture by itself.
     pub latent_bytes: u32,
+    /// Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
+    pub truth_bytes: u32,
     /// Renders of the prior at full resolution that the frame took.
     pub full_renders: u32,
     /// NVSP_START_*.
@@ -175,8 +172,6 @@ pub struct nvsp_frame_stats {
     /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE,
     /// NVSP_FRAME_POSITION_KNOWN and NVSP_FRAME_OUT_OF_TIME bits.
     pub flags: u32,
-    /// NVSP_STATE_*.
-    pub state: u32,
     /// PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated
     /// one, here and below: figures of priors of different preprocessing cannot be compared.
     pub render_psnr: f64,
@@ -206,14 +201,10 @@ pub struct nvsp_frame_stats {
     pub frames_since_certain: u32,
     /// How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
     pub reference_distance: u32,
-    /// Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
-    pub truth_bytes: u32,
-    /// Zero.
-    pub reserved: u32,
     /// With keys: the number of the next packet. Else 0. See nvsp_keys.number.
     pub next_number: u64,
 }
-versioned!(nvsp_frame_stats, 464);
+versioned!(nvsp_frame_stats, 456);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
@@ -704,7 +695,6 @@ fn write(
             | flag(stats.known.is_some(), NVSP_FRAME_POSITION_KNOWN)
             | flag(stats.out_of_time, NVSP_FRAME_OUT_OF_TIME)
             | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
-        state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
         render_psnr: stats.render_psnr,
         psnr: stats.psnr,
         milliseconds: stats.milliseconds,
