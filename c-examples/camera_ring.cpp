@@ -134,7 +134,7 @@ double milliseconds(Clock::duration d) { return std::chrono::duration<double, st
 
 // Encodes what the ring has, until it ends. Returns false if a frame fails.
 bool encode(nvsp_encoder *encoder, const nvsp_camera &camera, const nvsp_pose &start, Ring &ring) {
-    Bytes packet(nvsp_packet_bound(camera.width, camera.height));
+    Bytes packet(nvsp_size_bound(NVSP_SIZE_PACKET, camera.width, camera.height));
     size_t encoded = 0;
     double sum = 0, most = 0;
     for (const Nv12 *frame; (frame = ring.take()) != nullptr; encoded++) {
@@ -166,9 +166,7 @@ bool encode(nvsp_encoder *encoder, const nvsp_camera &camera, const nvsp_pose &s
 }
 
 struct Destroy {
-    void operator()(nvsp_engine *e) const { nvsp_engine_destroy(e); }
-    void operator()(nvsp_prior *p) const { nvsp_prior_destroy(p); }
-    void operator()(nvsp_encoder *e) const { nvsp_encoder_destroy(e); }
+    void operator()(void *handle) const { nvsp_destroy(handle); }
 };
 
 const char usage[] =
@@ -216,10 +214,7 @@ int main(int argc, char **argv) {
     if (!opened) {
         return 1;
     }
-    nvsp_encoder_options options;
-    NVSP_INIT(&options);
-    options.threshold = 1e-2f;
-    const nvsp_status status = nvsp_encoder_create(engine, prior, &camera, &options, &encoder);
+    const nvsp_status status = nvsp_encoder_create(engine, prior, &camera, nullptr, &encoder);
     const std::unique_ptr<nvsp_encoder, Destroy> encoder_owner(encoder);
     if (status != NVSP_OK) {
         char text[512] = "";

@@ -66,7 +66,7 @@ static int decode(nvsp_decoder *decoder, const uint8_t *packet, size_t size, ppm
 
 // How much of the picture shows what the camera saw, and how much is memory.
 static void print_truth(nvsp_decoder *decoder, const ppm *picture) {
-    const size_t room = nvsp_truth_bound(picture->width, picture->height);
+    const size_t room = nvsp_size_bound(NVSP_SIZE_TRUTH, picture->width, picture->height);
     uint8_t *levels = malloc(room);
     nvsp_truth truth;
     size_t blocks = 0, of_level[4] = {0};
@@ -97,7 +97,7 @@ int main(int argc, char **argv) {
     const size_t size = packet == NULL ? 0 : read_file(argv[2], packet, MOST_BYTES);
     if (size > 0 && open_prior(argv[1], &engine, &prior)
         && print_header(packet, size, prior, &picture)) {
-        const nvsp_status status = nvsp_decoder_create(engine, prior, &decoder);
+        const nvsp_status status = nvsp_decoder_create(engine, prior, NULL, &decoder);
         if (status == NVSP_OK) {
             done = decode(decoder, packet, size, &picture) && ppm_write(argv[3], &picture);
             if (done) {
@@ -110,9 +110,9 @@ int main(int argc, char **argv) {
         }
     }
 
-    nvsp_decoder_destroy(decoder);  // NULL is allowed.
-    nvsp_prior_destroy(prior);
-    nvsp_engine_destroy(engine);
+    nvsp_destroy(decoder);  // NULL is allowed.
+    nvsp_destroy(prior);
+    nvsp_destroy(engine);
     free(picture.pixels);
     free(packet);
     return done ? 0 : 1;

@@ -72,7 +72,7 @@ int main(int argc, char **argv) {
     ppm frame = {0, 0, NULL};
     int done = 0;
 
-    const size_t room = nvsp_packet_bound(camera.width, camera.height);
+    const size_t room = nvsp_size_bound(NVSP_SIZE_PACKET, camera.width, camera.height);
     uint8_t *packet = malloc(room);
     nvsp_encoder_options options;
     NVSP_INIT(&options);
@@ -92,9 +92,9 @@ int main(int argc, char **argv) {
         }
     }
 
-    nvsp_encoder_destroy(encoder);  // NULL is allowed.
-    nvsp_prior_destroy(prior);
-    nvsp_engine_destroy(engine);
+    nvsp_destroy(encoder);  // NULL is allowed.
+    nvsp_destroy(prior);
+    nvsp_destroy(engine);
     free(frame.pixels);
     free(packet);
     return done ? 0 : 1;

@@ -169,7 +169,7 @@ static inline int open_prior(const char *path, nvsp_engine **engine, nvsp_prior 
     nvsp_engine_options options;
     nvsp_status status = NVSP_INIT(&options);
     if (status != NVSP_OK) {
-        fprintf(stderr, "library %s: %s\n", nvsp_version(), nvsp_status_text(status));
+        fprintf(stderr, "library %s: %s\n", nvsp_version(NULL, NULL), nvsp_status_text(status));
         return 0;
     }
     options.log = print_log;

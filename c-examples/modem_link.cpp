@@ -24,6 +24,7 @@
 #include <random>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "example.h"
@@ -35,12 +36,7 @@ using Bytes = std::vector<uint8_t>;
 
 // Handles end by themselves, in any order.
 struct Destroy {
-    void operator()(nvsp_engine *e) const { nvsp_engine_destroy(e); }
-    void operator()(nvsp_prior *p) const { nvsp_prior_destroy(p); }
-    void operator()(nvsp_encoder *e) const { nvsp_encoder_destroy(e); }
-    void operator()(nvsp_decoder *d) const { nvsp_decoder_destroy(d); }
-    void operator()(nvsp_sender *s) const { nvsp_sender_destroy(s); }
-    void operator()(nvsp_collector *c) const { nvsp_collector_destroy(c); }
+    void operator()(void *handle) const { nvsp_destroy(handle); }
 };
 template <class T>
 using Handle = std::unique_ptr<T, Destroy>;
@@ -159,7 +155,6 @@ public:
         }
         nvsp_encoder_options options;
         NVSP_INIT(&options);
-        options.threshold = 1e-2f;
         options.camera_interval = NVSP_CAMERA_ONCE;  // The topside is told of the camera.
         nvsp_encoder *encoder = nullptr;
         nvsp_status status =
@@ -183,7 +178,7 @@ public:
         if (status != NVSP_OK) {
             std::fprintf(stderr, "making a sender: %s\n", nvsp_status_text(status));
         }
-        packet_.resize(nvsp_packet_bound(set_.camera.width, set_.camera.height));
+        packet_.resize(nvsp_size_bound(NVSP_SIZE_PACKET, set_.camera.width, set_.camera.height));
         return status == NVSP_OK;
     }
 
@@ -196,8 +191,8 @@ public:
         }
         if (budget == 0) {
             std::printf("vehicle: a frame is left out\n");
-            status = nvsp_encoder_skip(encoder_.get(), 1);
-            return succeeded(status, "skipping", encoder_.get());
+            left_out_++;
+            return true;
         }
         // A packet that tells the camera takes more, for once: the sender gives the next ones less.
         size_t size = 0;
@@ -251,14 +246,15 @@ private:
         nvsp_frame_info info;
         NVSP_INIT(&info);
         info.hint = hint;
+        info.left_out = std::exchange(left_out_, 0);
         status = nvsp_encode_begin(encoder_.get(), &image, &info);
         std::free(frame.pixels);
         if (status != NVSP_OK) {
             return status;
         }
-        while (nvsp_encode_wait(encoder_.get(), 0) == NVSP_PENDING) {
+        while (nvsp_wait(encoder_.get(), 0) == NVSP_PENDING) {
             if (!send_next()) {
-                (void)!nvsp_encode_wait(encoder_.get(), 2);
+                (void)!nvsp_wait(encoder_.get(), 2);
             }
         }
         return nvsp_encode_finish(encoder_.get(), packet_.data(), packet_.size(), &size, &stats);
@@ -288,6 +284,7 @@ private:
     Handle<nvsp_encoder> encoder_;
     Handle<nvsp_sender> sender_;
     Bytes packet_;
+    uint32_t left_out_ = 0;  // Since the last packet.
 };
 
 bool dive(Modem &modem, const Settings &set) {
@@ -344,7 +341,7 @@ public:
             return false;
         }
         nvsp_decoder *decoder = nullptr;
-        nvsp_status status = nvsp_decoder_create(engine_.get(), prior_.get(), &decoder);
+        nvsp_status status = nvsp_decoder_create(engine_.get(), prior_.get(), nullptr, &decoder);
         decoder_.reset(decoder);
         if (status == NVSP_OK) {
             status = nvsp_decoder_add_camera(decoder, &set_.camera);

@@ -63,7 +63,7 @@ static int send_all(unetsocket_t modem, uint32_t mtu, int node, char **paths, in
         const size_t size = read_file(paths[i], packet, sizeof packet);
         done = size > 0 && send_packet(modem, node, sender, packet, size);
     }
-    nvsp_sender_destroy(sender);
+    nvsp_destroy(sender);
     return done;
 }
 
@@ -155,7 +155,7 @@ static int topside(unetsocket_t modem, uint32_t mtu, const char *prior_path, con
         NVSP_INIT(&options);
         options.flags = NVSP_COLLECTOR_MODEM_CHECKS;
         options.shares = most_shares(mtu);
-        nvsp_status status = nvsp_decoder_create(engine, prior, &decoder);
+        nvsp_status status = nvsp_decoder_create(engine, prior, NULL, &decoder);
         if (status == NVSP_OK) {
             status = nvsp_collector_create(mtu, &options, &collector);
         }
@@ -166,10 +166,10 @@ static int topside(unetsocket_t modem, uint32_t mtu, const char *prior_path, con
             fprintf(stderr, "starting to receive: %s\n", nvsp_status_text(status));
         }
     }
-    nvsp_collector_destroy(collector);
-    nvsp_decoder_destroy(decoder);
-    nvsp_prior_destroy(prior);
-    nvsp_engine_destroy(engine);
+    nvsp_destroy(collector);
+    nvsp_destroy(decoder);
+    nvsp_destroy(prior);
+    nvsp_destroy(engine);
     return done;
 }
 

@@ -12,17 +12,14 @@
  *   nvsp_prior_open       reads the scene, and copies it to the device.
  *   nvsp_encoder_create   on the vehicle: makes an encoder for a camera.
  *   nvsp_encode           makes a packet of a frame.
- *   nvsp_encoder_destroy  ends the encoder.
  *   nvsp_decoder_create   on the topside: makes a decoder.
  *   nvsp_decode           makes a picture of a packet.
- *   nvsp_decoder_destroy  ends the decoder.
- *   nvsp_prior_destroy    on both sides: ends the prior,
- *   nvsp_engine_destroy   and the engine.
+ *   nvsp_destroy          on both sides: ends each of them.
  *
- * The next part has a status in words (nvsp_status_text) and the details of a failure (nvsp_last_error). The other
- * parts are for those who need them: versions, frames that are coded beside your own work, lens and mask, how far a
- * picture is from what the camera saw (nvsp_decoder_get_truth), both ends of a link (sender, collector), and keys
- * against strangers (nvsp_keys).
+ * The next part has a status in words (nvsp_status_text) and what any handle takes: the details of a failure
+ * (nvsp_last_error), waiting and cancelling. The other parts are for those who need them: versions, frames that are
+ * coded beside your own work, lens and mask, how far a picture is from what the camera saw (nvsp_decoder_get_truth),
+ * and both ends of a link (sender, collector). Keys against strangers are an option: nvsp_keys.
  * nvsprior_extra.h has what few need: a Vulkan device of yours, DMA-BUFs, an allocator, a list of devices, counts of
  * the link.
  *
@@ -32,21 +29,21 @@
  *   nvsp_status_text says it in words; nvsp_last_error on the handle tells the details. A call that fails writes
  *   nothing through any pointer and loses nothing that was good. There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL
  *   tells the size needed, and NVSP_ERR_NEWER the version. You may go on to use the handle, except after
- *   NVSP_ERR_INTERNAL (later calls return NVSP_ERR_POISONED) and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
- *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
- *   must start it again.
+ *   NVSP_ERR_INTERNAL, and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The firmware build has no NVSP_ERR_INTERNAL:
+ *   there a fault of the library itself aborts the process, and a watchdog must start it again.
  * Failures. The comment of a function names the statuses that are its own. Besides, a call may fail with
- *   NVSP_ERR_NULL (see Parameters), NVSP_ERR_STRUCT_SIZE or NVSP_ERR_ABI_VERSION (see Structures), NVSP_ERR_POISONED
- *   (see Status), and on a handle for one thread at a time with NVSP_ERR_BUSY (see Threads).
- * Ownership. nvsp_..._create and nvsp_prior_open give you a handle; nvsp_..._destroy ends it. You may destroy handles
- *   in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read or written only
- *   during the call. Texts that a call returns are static.
- * Parameters. One line per parameter says what it is, its unit, and whether NULL is allowed. If it is not, NULL yields
- *   NVSP_ERR_NULL. Any other pointer must be what its line says: the library cannot check it. A handle has no line: it
- *   must be a live one, and not NULL, except that nvsp_..._destroy takes NULL.
- * Threads. Any number of threads may use an engine or a prior at once. One thread at a time may use an encoder, a
- *   decoder, a sender, a collector, an authenticator or a verifier: a second one gets NVSP_ERR_BUSY and does no harm.
- *   No thread may use a handle while it is destroyed, or afterwards.
+ *   NVSP_ERR_ARGUMENT (see Parameters), NVSP_ERR_STRUCTURE (see Structures), NVSP_ERR_INTERNAL (see Status), on a
+ *   handle for one thread at a time with NVSP_ERR_BUSY (see Threads), and with NVSP_ERR_UNFINISHED until what was begun
+ *   on it is finished.
+ * Ownership. nvsp_..._create, nvsp_prior_open and nvsp_dmabuf_import give you a handle; nvsp_destroy ends it. You may
+ *   destroy handles in any order: a handle keeps alive what it needs of another. All other memory is yours, and is read
+ *   or written only during the call. Texts that a call returns are static.
+ * Parameters. One line per parameter says what it is, its unit, and what NULL means. If it says nothing of NULL, NULL
+ *   yields NVSP_ERR_ARGUMENT. Any other pointer must be what its line says: the library cannot check it. Bytes are
+ *   as many as the next parameter says. A handle has no line: it must be a live one, and not NULL.
+ * Threads. Any number of threads may use an engine, a prior or a DMA-BUF at once. One thread at a time may use an
+ *   encoder, a decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a
+ *   handle while it is destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
@@ -95,6 +92,23 @@ template <class Structure> inline Structure nvsp_initialized() {
 #else
 #define NVSP_HEAD(type) .struct_size = sizeof(type), .abi_version = NVSP_ABI_VERSION
 #endif
+
+/* For nvsp_encoder_options.mode, with NVSP_MODE_CHAIN, NVSP_MODE_LAYERS or NVSP_MODE_KEYS: a key frame comes after n
+ * frames, 1 to 16,777,214; or none after the first. Without either, after 16. */
+#define NVSP_KEY_EVERY(n) ((uint32_t)(n) << 8)
+#define NVSP_KEY_ONCE 0xFFFFFF00u
+
+/* For nvsp_encoder_options.search_bound. Renders: most renders of the prior, of any size, that one frame takes beside
+ * its first search, the picture that is sent included. The first search starts from the frame before, or from a hint if
+ * there is none. A step that would take more is cut short or left out, and the next frames go on. A pose whose search
+ * was cut short is not certain. 1 to 2,147,483,647. */
+#define NVSP_BOUND_RENDERS(n) ((uint32_t)(n))
+/* Most time that a frame takes, from its image to its packet, without scaling and conversion; and at most 96 renders.
+ * Once it is up, the best pose so far is drawn, coded and sent, and the search goes on in the next frames. What one
+ * render and one coding take is measured when the encoder is made; a time below that fails with NVSP_ERR_ARGUMENT, and
+ * the text says what is needed. With it the same frames need not give the same packets; each decodes to the same
+ * picture everywhere. 1 to 2,147,483,647. */
+#define NVSP_BOUND_MILLISECONDS(n) ((uint32_t)(n) | 0x80000000u)
 
 /* For compilers: a status must be looked at. */
 #if defined(__GNUC__) && !defined(NVSP_NO_ATTRIBUTES)
@@ -155,14 +169,14 @@ typedef struct nvsp_engine_options {
   void *log_user;
   // NVSP_ENGINE_* bits.
   uint32_t flags;
-  // Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_LIMIT, and
-  // take no memory for them. 0: 16,777,216, which is 4096 by 4096.
+  // Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_MEMORY, and
+  // take none for them. 0: 16,777,216, which is 4096 by 4096.
   uint32_t frame_size_limit;
   // Most bytes of host memory that opening a prior, an encoder or a decoder may take. A call that may need more
   // fails with NVSP_ERR_MEMORY before it takes any. 0: no limit.
   uint64_t host_memory_limit;
-  // Most bytes of device memory that everything made with the engine may use together. A call that needs more fails
-  // with NVSP_ERR_MEMORY. 0: no limit.
+  // Most bytes of device memory that everything made with the engine may take from the driver together. A call that
+  // needs more fails with NVSP_ERR_MEMORY. 0: no limit; then memory is taken in blocks of 64 MiB and more.
   uint64_t device_memory_limit;
   // Called on each thread that the library starts: one per encoder and one per decoder, by its first
   // nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
@@ -186,7 +200,7 @@ typedef struct nvsp_engine_options {
   const struct nvsp_vulkan *vulkan;
 } nvsp_engine_options;
 
-// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+// An opened Vulkan device with all pipelines built. Example:
 //
 //     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
 //     nvsp_engine *engine = NULL;
@@ -197,17 +211,12 @@ typedef struct nvsp_engine nvsp_engine;
 
 // Opens a device and builds the pipelines. Takes tens of milliseconds to seconds. The text of a failure goes to the
 // options' `log`, as there is no handle to ask yet.
-//
 // Fails with NVSP_ERR_ARGUMENT (unknown flags, a name that is no UTF-8, or fields that exclude each other),
 // NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
-//
-// Parameters:
-// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
-//   the engine lives. NULL: all defaults.
-// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
+// - `options`: `log` and `log_user` are used as long as anything made with the engine lives. NULL: all defaults.
+// - `engine`: receives the engine, which nvsp_destroy ends.
 NVSP_CHECKED
-nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
-                               struct nvsp_engine **engine);
+nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options, struct nvsp_engine **engine);
 
 // `near_plane` is given.
 #define NVSP_PRIOR_NEAR 1
@@ -220,8 +229,8 @@ nvsp_status nvsp_engine_create(const struct nvsp_engine_options *options,
 // `trained_focal` is given.
 #define NVSP_PRIOR_TRAINED_FOCAL 16
 
-// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
-// must give the same.
+// Where a prior is, and render options that replace those of its file. These are part of the prior's identity: both
+// sides of a link must give the same.
 typedef struct nvsp_prior_options {
   uint32_t struct_size;
   uint32_t abi_version;
@@ -241,9 +250,15 @@ typedef struct nvsp_prior_options {
   // Focal length of the pictures that the prior was trained on, pixels, 1 to 1,000,000. With it a prior that does
   // not state its own serves pictures of other sizes, too.
   float trained_focal;
+  // Zero.
+  uint32_t reserved;
+  // A file's content, in place of its path. Read during nvsp_prior_open. NULL: a file is read.
+  const uint8_t *content;
+  // Bytes of it.
+  size_t content_size;
 } nvsp_prior_options;
 
-// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+// A trained scene on the device. Example:
 //
 //     nvsp_prior *prior = NULL;
 //     if (nvsp_prior_open(engine, "reef.nvsg", NULL, &prior) != NVSP_OK) {
@@ -274,16 +289,16 @@ typedef struct nvsp_prior nvsp_prior;
 // With `options.blocks_memory` a prior in blocks (.nvsb, as `nvsprior blocks` writes it) stays in its file. Only what
 // cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
 // the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
-// for it: see nvsp_prior_get_blocks. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
+// for it: see nvsp_prior_info. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
 // options cannot be given with it. Encoders and decoders that share such a prior work in turn.
 //
+// With `options.content` the file's content is in memory. It is not needed afterwards. No file is read: key frames
+// come from that content, and a prior in blocks is loaded whole.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST; the text is the engine's.
-//
-// Parameters:
-// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
-// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+// - `path`: the file's name, ending in NUL. NULL: `options.content` is given.
+// - `options`: how; NULL: all as the file says.
+// - `prior`: receives the prior, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_prior_open(const struct nvsp_engine *engine,
                             const char *path,
@@ -310,6 +325,40 @@ typedef struct nvsp_camera {
   float cy;
 } nvsp_camera;
 
+// Bytes of a key.
+#define NVSP_KEY_BYTES 32
+
+// Keys that both sides hold. What goes to the other side gets 2 bytes of number and a tag in front. What comes without
+// the right tag, or a second time, is refused before anything else of it is read. If an nvsp_sender divides the
+// packets, give the keys to it and to the nvsp_collector, else to encoder and decoder. Example:
+//
+//     nvsp_keys keys = NVSP_INITIALIZER(nvsp_keys);
+//     keys.keys = key; // 32 random bytes
+//     keys.count = 1;
+//     keys.epoch = dive;
+//     options.keys = &keys;
+typedef struct nvsp_keys {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // `count` keys of NVSP_KEY_BYTES bytes each, one after the other. Tags are made by the first, and checked by all.
+  // The library copies them, and erases its copies when they are not needed any more.
+  const uint8_t *keys;
+  // Number of keys, 1 to 4.
+  uint32_t count;
+  // Bytes of a tag, 2 to 16. Both sides need the same. 0: 4.
+  uint32_t tag_bytes;
+  // Both sides need the same, and nothing of another epoch passes: count the dives, for example.
+  uint64_t epoch;
+  // Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
+  // with `next_number` of nvsp_frame_stats, nvsp_sender_statistics or nvsp_collector_statistics: numbers that the
+  // other side has taken are refused. Two encoders need other keys, or other epochs.
+  uint64_t number;
+  // Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
+  // epoch gives what `taken` of nvsp_collector_statistics or nvsp_sender_statistics told, or in the first place
+  // nvsp_decoded.taken. Without it, what came before may pass once more until something newer has come. 0: none.
+  uint64_t taken[4];
+} nvsp_keys;
+
 // Quality 10.
 #define NVSP_RATE_DEFAULT 0
 // Quality of the difference picture, 0 to 100.
@@ -321,28 +370,9 @@ typedef struct nvsp_camera {
 // No difference picture: the pose alone.
 #define NVSP_RATE_NONE 4
 // Bytes of a steady packet, for links: one that also states prior and camera, or has a check of the render, has as
-// many more as these take, so that its difference picture is as fine. If these and the pose alone take more, the packet
-// has them alone. 0 to 4,294,967,295.
+// many more as these take, so that its difference picture is as fine. If these and the pose alone take more, the
+// packet has them alone. 0 to 4,294,967,295.
 #define NVSP_RATE_STEADY 5
-
-// Gauss-Newton over an image pyramid: the fastest.
-#define NVSP_OPTIMIZER_GAUSS_NEWTON 0
-// BFGS at full resolution, the paper's.
-#define NVSP_OPTIMIZER_BFGS 1
-// Adam at full resolution.
-#define NVSP_OPTIMIZER_ADAM 2
-// Adam, then BFGS.
-#define NVSP_OPTIMIZER_ADAM_BFGS 3
-
-// The pose in 16 bytes.
-#define NVSP_PROFILE_COMPACT 0
-// The pose in 28 bytes, as in the paper.
-#define NVSP_PROFILE_PAPER 1
-
-// The wavelet coder codes the difference picture. It knows the prior's render.
-#define NVSP_RESIDUAL_WAVELET 0
-// WebP codes the difference picture, as in the paper.
-#define NVSP_RESIDUAL_WEBP 1
 
 // All squared errors count alike.
 #define NVSP_TUNE_PSNR 0
@@ -352,24 +382,17 @@ typedef struct nvsp_camera {
 // Errors count more in parts of the picture that the prior does not show. So a new thing shows first.
 #define NVSP_TUNE_DETECTION 2
 
-// Every frame is intra: a lost packet costs its own frame.
+// For nvsp_encoder_options.mode. Every frame is intra: a lost packet costs its own frame.
 #define NVSP_MODE_INTRA 0
-// The difference pictures of frames are predicted from those of earlier ones, and take fewer bytes. A frame whose
-// reference is missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
-#define NVSP_MODE_STREAM 1
-
 // A frame is predicted from the one before. Saves most; a lost packet spoils all frames up to the next key frame.
-#define NVSP_STRUCTURE_CHAIN 0
+#define NVSP_MODE_CHAIN 1
 // Layers: every other frame is the reference of none, and every fourth of more. A lost packet spoils fewer frames.
-#define NVSP_STRUCTURE_LAYERS 1
+#define NVSP_MODE_LAYERS 2
 // A frame is predicted from the last key frame. A lost packet costs its own frame, unless it is the key frame.
-#define NVSP_STRUCTURE_KEYS 2
+#define NVSP_MODE_KEYS 3
 // A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
 // frame.
-#define NVSP_STRUCTURE_ACKNOWLEDGED 3
-
-// For nvsp_encoder_options.key_every: no key frames after the first.
-#define NVSP_KEY_ONCE UINT32_MAX
+#define NVSP_MODE_ACKNOWLEDGED 4
 
 // For nvsp_encoder_options.camera_interval: prior and camera are stated with the first frame only.
 #define NVSP_CAMERA_ONCE UINT32_MAX
@@ -382,32 +405,20 @@ typedef struct nvsp_encoder_options {
   uint32_t rate;
   // The number that `rate` takes: quality, bytes or dB; 0 for NVSP_RATE_DEFAULT and NVSP_RATE_NONE, which take none.
   float rate_value;
-  // NVSP_OPTIMIZER_*.
-  uint32_t optimizer;
-  // NVSP_PROFILE_*.
-  uint32_t profile;
-  // A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
-  // pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of
-  // which the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder
-  // searches afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before
-  // only if the error there is below it: 1e-3 suits a basin, 1e-2 real footage.
-  float threshold;
-  // Levels of the image pyramid, 1 to 6; 0: 4.
-  uint32_t levels;
-  // State prior and camera (29 bytes) again after this many frames, for a topside that missed them; 0: 64.
+  // NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. They then take fewer bytes,
+  // and the encoder about 327 more bytes of host memory per pixel. A frame whose reference is missing is shown as
+  // the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE. A key frame, which is intra, ends what
+  // a loss has spoiled: say how often they come by NVSP_MODE_CHAIN | NVSP_KEY_EVERY(8), for example; else after
+  // every 16 frames. If the device is not portable, all frames are intra.
+  uint32_t mode;
+  // State prior and camera (29 bytes) again after this many frames, for a topside that missed them; 0: 64. Until the
+  // topside has acknowledged a frame (nvsp_encoder_acknowledge), and always if the device is not portable, a check
+  // of the render (6 bytes) comes with them. It tells the topside whether its render is the same.
   uint32_t camera_interval;
   // Number of the first frame; packets carry it modulo 2^16.
   uint32_t first_frame;
-  // Send a check of the prior's render (6 bytes) with the first frame, and again after this many
-  // frames. It tells the topside whether its render is the same. 0: never.
-  uint32_t check_interval;
-  // Most renders of the prior, of any size, that one frame takes beside its first search, the picture that is sent
-  // included. The first search starts from the frame before, or from a hint if there is none. A step that would take
-  // more is cut short or left out, and the next frames go on. A pose whose search was cut short is not certain. 0:
-  // 96.
-  uint32_t lost_renders;
-  // NVSP_RESIDUAL_*: the coder of the difference picture.
-  uint32_t residual;
+  // How long a frame may be searched for: NVSP_BOUND_RENDERS(n) or NVSP_BOUND_MILLISECONDS(n). 0: 96 renders.
+  uint32_t search_bound;
   // Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
   // they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
   uint32_t frames_treated;
@@ -415,51 +426,35 @@ typedef struct nvsp_encoder_options {
   // of a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
   // the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
   uint32_t pipelined;
-  // NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. NVSP_MODE_STREAM takes the
-  // wavelet coder, and about 327 more bytes of host memory per pixel. If the device is not portable, all frames are
-  // intra.
-  uint32_t mode;
-  // NVSP_STRUCTURE_*: the reference frame of others, with NVSP_MODE_STREAM.
-  uint32_t structure;
-  // With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
-  // after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
-  uint32_t key_every;
   // Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
-  // map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
-  // NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
+  // map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With NVSP_RATE_NONE
+  // there is none.
   uint32_t no_truth;
   // NVSP_TUNE_*: what counts when bits are given to one part of the difference picture and taken from another. The
-  // topside needs not know. NVSP_RESIDUAL_WEBP does not look at it.
+  // topside needs not know.
   uint32_t tune;
-  // Most time that a frame takes, from its image to its packet, milliseconds, without scaling and conversion. Once
-  // it is up, the best pose so far is drawn, coded and sent, and the search goes on in the next frames. What one
-  // render and one coding take is measured when the encoder is made, which also has the driver compile; a time below
-  // that fails with NVSP_ERR_ARGUMENT, and the text says what is needed. Only with NVSP_OPTIMIZER_GAUSS_NEWTON. With
-  // it the same frames need not give the same packets; each decodes to the same picture everywhere. 0: a frame takes
-  // as long as its search takes.
-  float frame_time;
+  // Each packet gets a number and a tag by these keys. They take nvsp_keys.tag_bytes and 2 bytes of it; budgets
+  // count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_sender divides the packets: it gets the
+  // keys.
+  const struct nvsp_keys *keys;
 } nvsp_encoder_options;
 
-// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+// Encodes the frames of one camera, in order. Example, which never waits for a frame:
 //
 //     if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
-//     while (nvsp_encode_wait(encoder, 0) == NVSP_PENDING) steer();
+//     while (nvsp_wait(encoder, 0) == NVSP_PENDING) steer();
 //     status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 typedef struct nvsp_encoder nvsp_encoder;
 
 // Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 // allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
-// quay. With nvsp_encoder_options.frame_time the driver compiles here, and one render and one coding are measured.
+// quay. With NVSP_BOUND_MILLISECONDS the driver compiles here, and one render and one coding are measured.
 // Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is
-// the engine's.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the engine's.
+// - `prior`: a live prior that was opened with `engine`.
+// - `camera`: size, focal lengths and principal point, pixels.
+// - `options`: how; NULL: all defaults.
+// - `encoder`: receives the encoder, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_create(const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
@@ -547,11 +542,12 @@ typedef struct nvsp_frame_info {
   double time;
   // NVSP_GIVEN_TIME, or 0.
   uint32_t given;
-  // Zero.
-  uint32_t reserved;
+  // Camera frames that were left out before this one: its number is as much greater. If numbers count all frames of
+  // the camera, the topside knows which it lacks, and can draw them at poses between (nvsp_decoder_draw).
+  uint32_t left_out;
 } nvsp_frame_info;
 
-// The picture does not confirm the pose.
+// The picture does not confirm the pose. The encoder looks for it again at every frame.
 #define NVSP_FRAME_UNCERTAIN 1
 // The rate was not kept: the budget holds no difference picture, or the best one does not reach
 // the PSNR.
@@ -561,7 +557,7 @@ typedef struct nvsp_frame_info {
 // The position is known within position_deviation and rotation_deviation. Navigate by no other: that the picture is
 // confirmed (NVSP_FRAME_UNCERTAIN is not set) does not say where the camera is.
 #define NVSP_FRAME_POSITION_KNOWN 128
-// The frame's time ended its search: see nvsp_encoder_options.frame_time. The search goes on in the next frames.
+// The frame's time ended its search: see NVSP_BOUND_MILLISECONDS. The search goes on in the next frames.
 #define NVSP_FRAME_OUT_OF_TIME 16
 // A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
 // colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
@@ -588,21 +584,18 @@ typedef struct nvsp_frame_info {
 // No iterations were left.
 #define NVSP_STOP_ITERATIONS 3
 
-// The picture confirms the pose.
-#define NVSP_STATE_CERTAIN 0
-// The pose is not certain. The encoder looks for it again at every frame.
-#define NVSP_STATE_LOST 1
-
 // What encoding a frame took and yielded.
 typedef struct nvsp_frame_stats {
   uint32_t struct_size;
   uint32_t abi_version;
   // Number of the frame.
   uint32_t frame;
-  // Bytes of the packet.
+  // Bytes of the packet, number and tag counted.
   uint32_t bytes;
   // Bytes of its latent part, which makes a picture by itself.
   uint32_t latent_bytes;
+  // Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
+  uint32_t truth_bytes;
   // Renders of the prior at full resolution that the frame took.
   uint32_t full_renders;
   // NVSP_START_*.
@@ -612,8 +605,6 @@ typedef struct nvsp_frame_stats {
   // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE,
   // NVSP_FRAME_POSITION_KNOWN and NVSP_FRAME_OUT_OF_TIME bits.
   uint32_t flags;
-  // NVSP_STATE_*.
-  uint32_t state;
   // PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated
   // one, here and below: figures of priors of different preprocessing cannot be compared.
   double render_psnr;
@@ -643,10 +634,8 @@ typedef struct nvsp_frame_stats {
   uint32_t frames_since_certain;
   // How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
   uint32_t reference_distance;
-  // Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
-  uint32_t truth_bytes;
-  // Zero.
-  uint32_t reserved;
+  // With keys: the number of the next packet. Else 0. See nvsp_keys.number.
+  uint64_t next_number;
 } nvsp_frame_stats;
 
 // Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
@@ -657,20 +646,16 @@ typedef struct nvsp_frame_stats {
 //
 // The text of NVSP_ERR_ARGUMENT names the field of `info`. The same frames, poses and calls yield the same packets,
 // byte for byte, on the same device and driver.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_NO_START, NVSP_ERR_BUDGET,
 // NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST: the encoder then acts as if it had not seen the frame.
 // Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the packet is then kept until the next frame is encoded, and
 // nvsp_encode_finish fetches it.
-//
-// Parameters:
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-//   call. NULL: nothing is known.
-// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+// - `image`: the frame.
+// - `info`: what is known of the frame. NULL: nothing is known.
+// - `packet`: receives the packet.
+// - `size`: bytes of `packet`; nvsp_size_bound always suffices.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `stats`: receives what the frame took. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         const struct nvsp_image *image,
@@ -680,10 +665,7 @@ nvsp_status nvsp_encode(struct nvsp_encoder *encoder,
                         size_t *written,
                         struct nvsp_frame_stats *stats);
 
-// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
-void nvsp_encoder_destroy(struct nvsp_encoder *encoder);
-
-// Decodes packets, in any order. One thread at a time may use it. Example:
+// Decodes packets, in any order. Example:
 //
 //     nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
 //     picture.format = NVSP_FORMAT_RGB8;
@@ -695,15 +677,15 @@ typedef struct nvsp_decoder nvsp_decoder;
 
 // Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 // for its pictures.
-//
-// Fails with NVSP_ERR_MEMORY; the text is the engine's.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
-// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY; the text is the engine's.
+// - `prior`: a live prior that was opened with `engine`.
+// - `keys`: only whole packets that an encoder has made with one of these keys are taken, and none a second time.
+//   NULL: none, and whatever comes is taken.
+// - `decoder`: receives the decoder, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_create(const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior,
+                                const struct nvsp_keys *keys,
                                 struct nvsp_decoder **decoder);
 
 // A place for a picture. The call that fills it also writes its `width`, `height` and `needed`, if it succeeds and if
@@ -777,6 +759,8 @@ typedef struct nvsp_decoded {
   // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of the camera (radians);
   // else infinite.
   double rotation_deviation;
+  // With keys: the number above all of the packets that came. Else 0. See nvsp_keys.taken.
+  uint64_t taken;
 } nvsp_decoded;
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
@@ -787,17 +771,15 @@ typedef struct nvsp_decoded {
 //
 // The same packet yields the same picture, byte for byte, as the encoder predicted, on the same
 // device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
-// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
-// the next packet is decoded, and nvsp_decode_finish fetches it.
-//
-// Parameters:
-// - `packet`: the packet. Read during the call. Not NULL.
+// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. With keys, fails with NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED: nothing of it
+// is read then. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded,
+// and nvsp_decode_finish fetches it.
+// - `packet`: the packet.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+// - `info`: receives what the packet yielded. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         const uint8_t *packet,
@@ -806,18 +788,13 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
                         struct nvsp_picture *picture,
                         struct nvsp_decoded *info);
 
-// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
-void nvsp_decoder_destroy(struct nvsp_decoder *decoder);
+// Ends a handle of any kind. What was made with it goes on to work: the last such handle frees what they share, and
+// closes the device, unless you gave it. Waits for a frame or a packet that was begun, at most as long as the watchdog
+// allows. Shares that wait in a sender are lost.
+// - `handle`: a live handle, which no thread uses. NULL: nothing is done.
+void nvsp_destroy(void *handle);
 
-// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
-// memory.
-void nvsp_prior_destroy(struct nvsp_prior *prior);
-
-// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
-// the last of them is gone, unless you gave it.
-void nvsp_engine_destroy(struct nvsp_engine *engine);
-
-// ---- Statuses and the texts of failures ----
+// ---- Statuses, and what any handle takes ----
 
 // Done.
 #define NVSP_OK 0
@@ -825,125 +802,102 @@ void nvsp_engine_destroy(struct nvsp_engine *engine);
 // Not done yet: ask again later.
 #define NVSP_PENDING 1
 
-// A pointer that must not be NULL is NULL.
-#define NVSP_ERR_NULL -1
-
-// An argument or a field is out of its range; the text names it.
-#define NVSP_ERR_ARGUMENT -2
-
-// This library does not know a structure's struct_size; see NVSP_INIT.
-#define NVSP_ERR_STRUCT_SIZE -3
-
-// A structure was made for an ABI version that this library does not speak.
-#define NVSP_ERR_ABI_VERSION -4
-
+// An argument or a field is out of its range, or NULL where it must not be; the text names it. Correct the program.
+#define NVSP_ERR_ARGUMENT -1
+// A structure that was not set up by NVSP_INIT, or of a header that this library does not know. Build the program with
+// the header of this library.
+#define NVSP_ERR_STRUCTURE -2
 // The destination is too small. What else the call writes tells how many bytes are needed: `written`, or
-// nvsp_picture.needed.
-#define NVSP_ERR_BUFFER_TOO_SMALL -5
-
-// Another thread is inside a call on this handle.
-#define NVSP_ERR_BUSY -6
-
+// nvsp_picture.needed. Call again with as many.
+#define NVSP_ERR_BUFFER_TOO_SMALL -3
+// Another thread is inside a call on this handle. Call again.
+#define NVSP_ERR_BUSY -4
 // There is nothing to finish or to fetch.
-#define NVSP_ERR_STATE -7
-
-// An earlier call on this handle failed with NVSP_ERR_INTERNAL; destroy it.
-#define NVSP_ERR_POISONED -8
-
-// No Vulkan loader, or no device that fits; the text says what was found and what to install.
-#define NVSP_ERR_NO_DEVICE -9
-
-// The device was lost, or did not end its work within nvsp_engine_options.watchdog_milliseconds. See
-// nvsp_engine_reopen.
-#define NVSP_ERR_DEVICE_LOST -10
-
-// Host or device memory could not be allocated. The text names the buffer and its size.
-#define NVSP_ERR_MEMORY -11
-
-// A Vulkan call failed; the text names it.
-#define NVSP_ERR_VULKAN -12
-
-// A file cannot be read or written.
-#define NVSP_ERR_FILE -13
-
-// The content of a prior is not valid. The text names the splat or the byte.
-#define NVSP_ERR_PRIOR -14
-
-// No picture can be rendered with this camera.
-#define NVSP_ERR_CAMERA -15
-
-// An image's size, shape, strides or planes do not fit, or its DMA-BUF is still being written.
-#define NVSP_ERR_IMAGE -16
-
-// The first frame came without a pose to start from, and the prior has no key frames.
-#define NVSP_ERR_NO_START -17
-
-// The byte budget does not even hold the pose, or a packet's shares do not.
-#define NVSP_ERR_BUDGET -18
-
-// The bytes are no packet, or its latent part is damaged.
-#define NVSP_ERR_PACKET -19
-
-// The packet is about another prior than the one at hand. Or one before was, or its render was another, and this one
-// does not state its prior: wait for one that does.
-#define NVSP_ERR_OTHER_PRIOR -20
-
-// The packet's tag is not that of the prior at hand with any camera known: the packet that states prior and camera is
-// missing, or it is about another prior.
-#define NVSP_ERR_CAMERA_UNKNOWN -21
-
-// The difference picture is damaged or cut short.
-#define NVSP_ERR_RESIDUAL -22
-
-// The bytes are no modem frame of a packet, or the packet does not fit the modem.
-#define NVSP_ERR_MODEM -23
-
-// A fault of the library itself. The handle cannot be used any more.
-#define NVSP_ERR_INTERNAL -24
-
-// A picture has more pixels than nvsp_engine_options.frame_size_limit allows.
-#define NVSP_ERR_LIMIT -25
-
+#define NVSP_ERR_STATE -5
 // A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many
 // shares wait.
-#define NVSP_ERR_UNFINISHED -26
-
+#define NVSP_ERR_UNFINISHED -6
+// A fault of the library itself, in this call or an earlier one. Destroy the handle, and report the fault.
+#define NVSP_ERR_INTERNAL -7
+// No Vulkan loader, or no device that fits; the text says what was found and what to install.
+#define NVSP_ERR_NO_DEVICE -8
+// The device was lost, or did not end its work within nvsp_engine_options.watchdog_milliseconds. See
+// nvsp_engine_reopen.
+#define NVSP_ERR_DEVICE_LOST -9
+// Host or device memory could not be allocated, or the engine's limits do not allow it or so large a picture. The text
+// names what is too large, and the limit. Leave the frame out, or make room.
+#define NVSP_ERR_MEMORY -10
+// A Vulkan call failed; the text names it. Use another device or driver.
+#define NVSP_ERR_VULKAN -11
+// The system, a driver or an engine cannot do this; the text says what is missing. Do without.
+#define NVSP_ERR_UNSUPPORTED -12
+// A file cannot be read. Look at its path and its rights.
+#define NVSP_ERR_FILE -13
+// The content of a prior is not valid. The text names the splat or the byte. Get the file anew.
+#define NVSP_ERR_PRIOR -14
+// An image's size, shape, strides or planes do not fit, or its DMA-BUF is still being written. Leave the frame out.
+#define NVSP_ERR_IMAGE -15
+// The first frame came without a pose to start from, and the prior has no key frames. Give a hint.
+#define NVSP_ERR_NO_START -16
+// The byte budget does not even hold the pose, or a packet's shares do not. Give more bytes, or leave the frame out.
+#define NVSP_ERR_BUDGET -17
+// The bytes are no packet, or its latent part is damaged. Drop it.
+#define NVSP_ERR_PACKET -18
+// The packet is about another prior than the one at hand: open that one. Or one before was, or its render was another,
+// and this one does not state its prior: wait for one that does.
+#define NVSP_ERR_OTHER_PRIOR -19
+// The packet's tag is not that of the prior at hand with any camera known: the packet that states prior and camera is
+// missing, or it is about another prior. Wait for one that states them, or have the vehicle call
+// nvsp_encoder_announce.
+#define NVSP_ERR_CAMERA_UNKNOWN -20
 // A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or
 // looks like one by chance. Update this side.
-#define NVSP_ERR_NEWER -27
-
-// The system, a driver or an engine cannot do this; the text says what is missing.
-#define NVSP_ERR_UNSUPPORTED -28
-
+#define NVSP_ERR_NEWER -21
+// The bytes are no modem frame of a packet, or the packet does not fit the modem. Drop them.
+#define NVSP_ERR_MODEM -22
+// No key that is held has made the tag: of a stranger or of another epoch, or damaged. Drop it.
+#define NVSP_ERR_FOREIGN -23
+// It has the right tag, and comes a second time. Drop it; many tell of a stranger.
+#define NVSP_ERR_REPLAYED -24
+// The difference picture is damaged or cut short. Only nvsp_decoded.damage has it.
+#define NVSP_ERR_RESIDUAL -25
 // The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 // nvsp_decoded.damage has it.
-#define NVSP_ERR_REFERENCE -29
-
-// No key that is held has made the tag: of a stranger or of another epoch, or damaged.
-#define NVSP_ERR_FOREIGN -30
-
-// It has the right tag, and comes a second time.
-#define NVSP_ERR_REPLAYED -31
+#define NVSP_ERR_REFERENCE -26
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
-//
-// Parameters:
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
 // Copies the text of the last failed call on a handle into `text`. An engine's is also that of the last failure to
 // make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the end. The text is
 // empty if nothing failed.
-//
 // Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
-//
-// Parameters:
-// - `handle`: a live handle of any kind. Not NULL.
-// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+// - `handle`: a live handle of any kind.
+// - `text`: receives the text, ending in NUL.
 // - `size`: bytes of `text`, 1 or more.
-nvsp_status nvsp_last_error(const void *handle,
-                            char *text,
-                            size_t size);
+nvsp_status nvsp_last_error(const void *handle, char *text, size_t size);
+
+// Tells whether the frame or the packet that was begun has ended, with success or not: NVSP_OK if it has, else
+// NVSP_PENDING. Waits for that at most as long as you say.
+// Fails with NVSP_ERR_STATE if none was begun, or NVSP_ERR_ARGUMENT (another handle).
+// - `handle`: an encoder or a decoder.
+// - `milliseconds`: the longest to wait; 0 does not wait.
+NVSP_CHECKED
+nvsp_status nvsp_wait(void *handle, uint32_t milliseconds);
+
+// Drops what was begun, and a packet or a picture that was not fetched; both frames, if two are under way. Never
+// waits: returns NVSP_OK if the handle is free again, or nothing was begun, else NVSP_PENDING. What was begun then
+// ends with what the device is at, a few renders, at most as long as the watchdog allows; a coding that has begun goes
+// on to its end. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or nvsp_wait, which then
+// returns NVSP_ERR_STATE.
+//
+// A frame that is dropped counts as one whose packet was lost. Its number is used up. The next search may start at its
+// pose. The next packet names prior and camera in full. A camera that a dropped packet told is known afterwards.
+// Fails with NVSP_ERR_ARGUMENT (another handle).
+// - `handle`: an encoder or a decoder.
+NVSP_CHECKED
+nvsp_status nvsp_cancel(void *handle);
 
 // ---- Structures and versions ----
 
@@ -952,36 +906,26 @@ nvsp_status nvsp_last_error(const void *handle,
 
 // Version of the library that this header came with; nvsp_version tells that of the library in use. First number.
 #define NVSP_VERSION_MAJOR 1
-
 // Second number.
 #define NVSP_VERSION_MINOR 0
-
 // Third number.
 #define NVSP_VERSION_PATCH 0
-
 // The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
 #define NVSP_VERSION_NUMBER 1000000
 
 // Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 // The structure then means all defaults. The macro NVSP_INIT calls this.
-//
-// Fails with NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096).
-//
-// Parameters:
-// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
+// Fails with NVSP_ERR_STRUCTURE (size below 8 or above 4096, or another ABI version).
+// - `structure`: is zeroed.
 // - `size`: bytes of the structure, 8 to 4096.
 // - `abi_version`: NVSP_ABI_VERSION of your header.
 nvsp_status nvsp_struct_init(void *structure, size_t size, uint32_t abi_version);
 
-// Returns the library's version, such as "1.0.0". The text is static.
-const char *nvsp_version(void);
-
-// Returns the ABI version that the library speaks. NVSP_INIT and every call that takes a structure refuse a program
-// made for another NVSP_ABI_VERSION.
-uint32_t nvsp_abi_version(void);
-
-// Returns the library's version as one number, as NVSP_VERSION_NUMBER has it for the header.
-uint32_t nvsp_version_number(void);
+// Returns the version of the library in use, such as "1.0.0". The text is static. NVSP_INIT and every call that takes
+// a structure refuse a program made for another NVSP_ABI_VERSION.
+// - `number`: receives it as one number, as NVSP_VERSION_NUMBER has it for the header. NULL: not wanted.
+// - `abi_version`: receives the ABI version that the library speaks. NULL: not wanted.
+const char *nvsp_version(uint32_t *number, uint32_t *abi_version);
 
 // ---- Engines ----
 
@@ -1004,28 +948,22 @@ typedef struct nvsp_engine_info {
 // prior again next. Then move encoders and decoders to it with nvsp_encoder_reopen and nvsp_decoder_reopen, which keep
 // their state. Then destroy the old prior. If the device cannot be opened, the engine does not change; try again
 // later.
-//
 // Fails as nvsp_engine_create does, or with NVSP_ERR_UNSUPPORTED if the device is one that you gave: make a new one,
 // and a new engine with it.
 NVSP_CHECKED
 nvsp_status nvsp_engine_reopen(const struct nvsp_engine *engine);
 
 // Describes the engine's device and its memory. Allocates.
-//
-// Parameters:
-// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+// - `info`: receives the description.
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_info(const struct nvsp_engine *engine, struct nvsp_engine_info *info);
 
 // Copies what the driver has compiled so far, to keep in a file for nvsp_engine_options.pipeline_cache of the next
 // start. Call it after a first frame was encoded or decoded, as drivers compile late. Waits for no work. Allocates.
-//
 // Fails with NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+// - `bytes`: receives the data. NULL only if `size` is 0.
 // - `size`: bytes of `bytes`.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 NVSP_CHECKED
 nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
                                            uint8_t *bytes,
@@ -1036,7 +974,6 @@ nvsp_status nvsp_engine_get_pipeline_cache(const struct nvsp_engine *engine,
 
 // Colours were left as they were.
 #define NVSP_WHITE_BALANCE_NONE 0
-
 // The means of red, green and blue were brought together, by gains up to 4.
 #define NVSP_WHITE_BALANCE_GRAY_WORLD 1
 
@@ -1076,6 +1013,23 @@ typedef struct nvsp_prior_info {
   float clahe_clip_limit;
   // Trained focal length in use, pixels; 0: none is stated.
   float trained_focal;
+  // Of a prior in blocks (nvsp_prior_options.blocks_memory), now: blocks on the device; here and below 0 if the
+  // prior is loaded whole.
+  uint32_t loaded_blocks;
+  // Splats on the device.
+  uint32_t loaded_splats;
+  // Splats that there is room for on the device.
+  uint32_t splat_room;
+  // Bytes of splats in host memory.
+  uint64_t host_bytes;
+  // How often the blocks on the device changed.
+  uint64_t block_changes;
+  // Blocks that a frame waited for: they were not read ahead.
+  uint64_t block_waits;
+  // Searches that were done again, since they went further than blocks had been brought.
+  uint64_t repeated_searches;
+  // Searches that lacked blocks, since there was no room for all. Their pose may be worse; their picture is whole.
+  uint64_t incomplete_searches;
 } nvsp_prior_info;
 
 // What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
@@ -1100,91 +1054,32 @@ typedef struct nvsp_memory_estimate {
   uint64_t decoder_device;
 } nvsp_memory_estimate;
 
-// As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
-// tables come from that content.
-//
-// Fails as nvsp_prior_open does, except with NVSP_ERR_FILE.
-//
-// Parameters:
-// - `bytes`: the file's content. Read during the call. Not NULL.
-// - `size`: bytes of it.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
-// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_prior_open_memory(const struct nvsp_engine *engine,
-                                   const uint8_t *bytes,
-                                   size_t size,
-                                   const struct nvsp_prior_options *options,
-                                   struct nvsp_prior **prior);
-
 // Estimates the memory that a prior takes, before it is loaded, from the first 64 KiB of its file: what
 // nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 // Opens no device. Allocates; any thread may call it.
-//
-// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
-//
-// Parameters:
-// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
-// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
+// - `path`: the file's name, ending in NUL.
+// - `camera`: the camera of encoders and decoders. NULL: their memory is not wanted.
+// - `estimate`: receives the estimate.
 NVSP_CHECKED
 nvsp_status nvsp_prior_estimate(const char *path,
                                 const struct nvsp_camera *camera,
                                 struct nvsp_memory_estimate *estimate);
 
-// Describes a prior.
-//
-// Parameters:
-// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+// Describes a prior. Call it between frames of a prior in blocks: it waits for the frame under way.
+// - `info`: receives the description.
 NVSP_CHECKED
 nvsp_status nvsp_prior_get_info(const struct nvsp_prior *prior, struct nvsp_prior_info *info);
-
-// Which part of a prior in blocks is loaded, and what that took so far.
-typedef struct nvsp_prior_blocks {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // Blocks on the device.
-  uint32_t blocks;
-  // Splats on the device.
-  uint32_t splats;
-  // Splats that there is room for on the device.
-  uint32_t room;
-  // Always 0.
-  uint32_t reserved;
-  // Bytes of splats in host memory.
-  uint64_t host_bytes;
-  // How often the blocks on the device changed.
-  uint64_t changes;
-  // Blocks that a frame waited for: they were not read ahead.
-  uint64_t waits;
-  // Searches that were done again, since they went further than blocks had been brought.
-  uint64_t repeated;
-  // Searches that lacked blocks, since there was no room for all. Their pose may be worse; their picture is whole.
-  uint64_t incomplete;
-} nvsp_prior_blocks;
-
-// Tells which part of a prior in blocks is loaded. Call it between frames: it waits for the frame under way.
-//
-// Fails with NVSP_ERR_STATE if the prior is loaded whole.
-//
-// Parameters:
-// - `blocks`: receives it, set up by NVSP_INIT. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_prior_get_blocks(const struct nvsp_prior *prior,
-                                  struct nvsp_prior_blocks *blocks);
 
 // ---- Images and poses ----
 
 // Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
-// same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
-//
+// same motion. Beyond 0 to 1 it goes on. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT if a pose is no rigid motion or the part is not finite, or so large that the pose is
 // not.
-//
-// Parameters:
-// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
+// - `from`, `to`: the poses, from world to camera.
 // - `part`: the part of the way: of a frame number between two others, (number - first) / (second - first).
-// - `between`: receives the pose, set up by NVSP_INIT. Not NULL.
+// - `between`: receives the pose.
 NVSP_CHECKED
 nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
                               const struct nvsp_pose *to,
@@ -1194,17 +1089,12 @@ nvsp_status nvsp_pose_between(const struct nvsp_pose *from,
 // ---- Encoders ----
 
 // Sets the rate of all frames from here on.
-//
 // Fails with NVSP_ERR_ARGUMENT.
-//
-// Parameters:
 // - `mode`: NVSP_RATE_*.
 // - `value`: the number that the mode takes: quality 0 to 100, bytes, or dB. NVSP_RATE_DEFAULT and NVSP_RATE_NONE take
 //   none: 0.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder,
-                                  uint32_t mode,
-                                  float value);
+nvsp_status nvsp_encoder_set_rate(struct nvsp_encoder *encoder, uint32_t mode, float value);
 
 // Has the next packet state prior and camera. In a stream its frame is intra. Call it if a topside asks what the
 // packets are about, or if a packet was not sent.
@@ -1212,64 +1102,35 @@ NVSP_CHECKED
 nvsp_status nvsp_encoder_announce(struct nvsp_encoder *encoder);
 
 // Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
-// NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
+// NVSP_MODE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
 // is unknown or too old: the last 32 can be reference frames.
-//
-// Fails with NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins).
-//
-// Parameters:
 // - `frame`: nvsp_decoded.frame.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder,
-                                     uint32_t frame);
-
-// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
-// camera, the topside knows which were left out, and can draw them at poses between those that it has
-// (nvsp_decoder_draw).
-//
-// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
-//
-// Parameters:
-// - `frames`: their number.
-NVSP_CHECKED
-nvsp_status nvsp_encoder_skip(struct nvsp_encoder *encoder,
-                              uint32_t frames);
+nvsp_status nvsp_encoder_acknowledge(struct nvsp_encoder *encoder, uint32_t frame);
 
 // Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 // Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
-//
-// Fails with NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+// Fails with NVSP_ERR_ARGUMENT (the camera, or lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+// - `camera`: size, focal lengths and principal point, pixels.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder,
-                                    const struct nvsp_camera *camera);
+nvsp_status nvsp_encoder_set_camera(struct nvsp_encoder *encoder, const struct nvsp_camera *camera);
 
 // Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 // finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
-// nvsp_encoder_options.lost_renders allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
+// nvsp_encoder_options.search_bound allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
 // again.
-//
 // Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
 // - `most`: key frames to render at most; 0: only count those that are left.
 // - `left`: receives how many are not rendered yet. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder,
-                                 uint32_t most,
-                                 uint32_t *left);
+nvsp_status nvsp_encoder_prepare(struct nvsp_encoder *encoder, uint32_t most, uint32_t *left);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. Frame numbers and poses carry over. If it fails, nothing changes.
 // See nvsp_engine_reopen.
-//
 // Fails with NVSP_ERR_OTHER_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `prior`: a live prior that was opened with `engine`.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
                                 const struct nvsp_engine *engine,
@@ -1280,13 +1141,17 @@ nvsp_status nvsp_encoder_reopen(struct nvsp_encoder *encoder,
 NVSP_CHECKED
 nvsp_status nvsp_encoder_reset(struct nvsp_encoder *encoder);
 
-// The largest packet that a camera of this size can yield, in either profile and with the camera,
-// bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
-// enough too.
-//
-// Parameters:
+// For nvsp_size_bound: a packet, with number and tag by any keys. With NVSP_RATE_BYTES the budget's size is enough,
+// too.
+#define NVSP_SIZE_PACKET 0
+// A truth map: a byte for each block.
+#define NVSP_SIZE_TRUTH 1
+
+// Tells how many bytes always suffice for a packet or a truth map of a picture of this size; 0 if no camera can have
+// it.
+// - `of`: NVSP_SIZE_*.
 // - `width`, `height`: the camera's size, pixels.
-size_t nvsp_packet_bound(uint32_t width, uint32_t height);
+size_t nvsp_size_bound(uint32_t of, uint32_t width, uint32_t height);
 
 // Begins to encode a frame on the encoder's own thread. Before it returns, on the calling thread, it checks all that
 // it was given and reads the image: it converts it to RGB and scales it to the camera's size. The first such call
@@ -1294,13 +1159,13 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 // thread's work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is
 // yours again.
 //
-// Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
-// NVSP_ERR_UNFINISHED, except nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped unless you say so.
+// Until nvsp_encode_finish or nvsp_cancel ends the frame, other calls on the encoder fail with
+// NVSP_ERR_UNFINISHED, except nvsp_wait and nvsp_destroy. So no packet is dropped unless you say so.
 // Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
 //
 // With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
 // No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
-// begun; nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no frame is
+// begun; nvsp_wait and nvsp_encode_finish are about the first. Other calls may be made while no frame is
 // searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished last. If
 // coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the third frame.
 // Example, which is always one packet behind:
@@ -1308,45 +1173,28 @@ size_t nvsp_packet_bound(uint32_t width, uint32_t height);
 //     while (next_image(&image)) {
 //         status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint in place of NULL */
 //         if (status == NVSP_OK && ++begun == 2) {
-//             while (nvsp_encode_wait(encoder, 20) == NVSP_PENDING) steer();
+//             while (nvsp_wait(encoder, 20) == NVSP_PENDING) steer();
 //             status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 //             begun--;
 //         }
 //     }
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no
-// thread). If the frame itself fails, nvsp_encode_finish returns its status.
-//
-// Parameters:
-// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED or NVSP_ERR_MEMORY (no thread). If the frame
+// itself fails, nvsp_encode_finish returns its status.
+// - `image`: the frame.
 // - `info`: as for nvsp_encode.
 NVSP_CHECKED
 nvsp_status nvsp_encode_begin(struct nvsp_encoder *encoder,
                               const struct nvsp_image *image,
                               const struct nvsp_frame_info *info);
 
-// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
-// for that at most as long as you say.
-//
-// Fails with NVSP_ERR_STATE if none was begun.
-//
-// Parameters:
-// - `milliseconds`: the longest to wait; 0 does not wait.
-NVSP_CHECKED
-nvsp_status nvsp_encode_wait(struct nvsp_encoder *encoder,
-                             uint32_t milliseconds);
-
 // Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
-// if the frame has not ended. Never waits.
-//
+// if the frame has not ended.
 // Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After NVSP_ERR_BUFFER_TOO_SMALL the packet is
 // still there.
-//
-// Parameters:
-// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+// - `packet`: receives the packet.
+// - `size`: bytes of `packet`; nvsp_size_bound always suffices.
+// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `stats`: receives what the frame took. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                uint8_t *packet,
@@ -1354,40 +1202,23 @@ nvsp_status nvsp_encode_finish(struct nvsp_encoder *encoder,
                                size_t *written,
                                struct nvsp_frame_stats *stats);
 
-// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
-// NVSP_OK if the encoder is free again, else NVSP_PENDING. The search then ends with what the device is at, a few
-// renders, at most as long as the watchdog allows; a coding that has begun goes on to its end. Until then, other calls
-// fail with
-// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A dropped
-// frame counts as one whose packet was lost. Its number is used up. The next search may start at its pose. The next
-// packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
-NVSP_CHECKED
-nvsp_status nvsp_encode_cancel(struct nvsp_encoder *encoder);
-
 // What the topside will show of the last frame.
 #define NVSP_PICTURE_SHOWN 0
-
 // The prior's render alone.
 #define NVSP_PICTURE_RENDER 1
 
 // Copies a picture of the last frame encoded.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if there is none.
-//
-// Parameters:
 // - `which`: NVSP_PICTURE_*.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+// - `picture`: receives the picture. Its pixels are yours.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder,
-                                     uint32_t which,
-                                     struct nvsp_picture *picture);
+nvsp_status nvsp_encoder_get_picture(struct nvsp_encoder *encoder, uint32_t which, struct nvsp_picture *picture);
 
 // ---- What an encoder's camera sees ----
 
 // Brown-Conrady, OpenCV's usual model. `coefficients` in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6, of which the
 // first 4, the first 5 or all 8 are given.
 #define NVSP_LENS_BROWN_CONRADY 1
-
 // Kannala-Brandt, as in OpenCV's module `fisheye`. `coefficients`: k1, k2, k3, k4.
 #define NVSP_LENS_FISHEYE 2
 
@@ -1450,16 +1281,12 @@ typedef struct nvsp_mask {
 //     lens.count = 5; /* k1, k2, p1, p2, k3 */
 //     memcpy(lens.coefficients, calibration, 5 * sizeof(double));
 //     status = nvsp_encoder_set_lens(encoder, &lens);
-//
-// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the
-// image that has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if
-// camera and lens see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
-//
-// Parameters:
-// - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
+// Fails with NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that has no
+// ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens see
+// nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+// - `lens`: the lens; NULL: no lens from here on, images are of a pinhole camera.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
-                                  const struct nvsp_lens *lens);
+nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder, const struct nvsp_lens *lens);
 
 // Sets which pixels of all images from here on count. Mask what shows the vehicle itself: its arm, its frame, a lamp.
 // Masked pixels count neither in the search for the pose nor in nvsp_frame_stats, and no bytes are spent on them: the
@@ -1474,31 +1301,24 @@ nvsp_status nvsp_encoder_set_lens(struct nvsp_encoder *encoder,
 //     mask.pixels = arm; /* 0 for a pixel of the arm, else 255 */
 //     mask.size = 640 * 360;
 //     status = nvsp_encoder_set_mask(encoder, &mask);
-//
-// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its
-// size is not the lens's, its shape not the camera's, or no pixel counts.
-//
-// Parameters:
-// - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
+// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
+// lens's, its shape not the camera's, or no pixel counts.
+// - `mask`: which pixels count; NULL: all pixels count.
 NVSP_CHECKED
-nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder,
-                                  const struct nvsp_mask *mask);
+nvsp_status nvsp_encoder_set_mask(struct nvsp_encoder *encoder, const struct nvsp_mask *mask);
 
 // Sets which parts of the picture get more of the bytes from here on: what the pilot looks at. `weights` has `columns`
 // times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
 // weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer
 // bytes; NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from
-// frame to frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails,
+// frame to frame, as the pilot's cursor moves. Allocates a byte per cell. If the call fails,
 // the weights before stay. Example:
 //
 //     uint8_t weights[9] = {1, 1, 1, 1, 8, 1, 1, 1, 1}; /* the middle ninth */
 //     status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
-//
-// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096,
-// `size` is not columns times rows, or a weight is 0.
-//
-// Parameters:
-// - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
+// Fails with NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns
+// times rows, or a weight is 0.
+// - `weights`: their values. NULL, with sides and size of 0: all parts count the same.
 NVSP_CHECKED
 nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
                                       uint32_t columns,
@@ -1510,7 +1330,6 @@ nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
 
 // `pose` is given.
 #define NVSP_HEADER_POSE 4
-
 // The packet states prior and camera; else they are those of an earlier packet.
 #define NVSP_HEADER_SESSION 8
 
@@ -1547,11 +1366,8 @@ typedef struct nvsp_header {
 
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not
 // wait until the camera is sent again. The decoder knows the last 256 cameras.
-//
-// Fails with NVSP_ERR_CAMERA.
-//
-// Parameters:
-// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_MEMORY (more pixels than the engine allows).
+// - `camera`: size, focal lengths and principal point, pixels.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
 
@@ -1562,102 +1378,61 @@ nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct n
 // picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 //
 // Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
-// NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
-//
-// Parameters:
+// NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
 // - `on`: 1: filter pictures. 0: do not.
 NVSP_CHECKED
-nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder,
-                                    uint32_t on);
+nvsp_status nvsp_decoder_set_filter(struct nvsp_decoder *decoder, uint32_t on);
 
 // Goes on with `prior`, opened again after its device was lost, or opened on another engine. It
 // must have the same identity. The known cameras carry over. See nvsp_engine_reopen.
-//
 // Fails with NVSP_ERR_OTHER_PRIOR.
-//
-// Parameters:
-// - `prior`: a live prior that was opened with `engine`. Not NULL.
+// - `prior`: a live prior that was opened with `engine`.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_reopen(struct nvsp_decoder *decoder,
                                 const struct nvsp_engine *engine,
                                 const struct nvsp_prior *prior);
 
 // Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
-// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
-// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_wait and
-// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
+// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_cancel ends
+// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_wait and
+// nvsp_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
 // packet.
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the
-// packet itself fails, nvsp_decode_finish returns its status.
-//
-// Parameters:
-// - `packet`: the packet. Read during the call. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY (no thread, or no copy of the packet), or, with keys, NVSP_ERR_FOREIGN
+// or NVSP_ERR_REPLAYED. If the packet itself fails, nvsp_decode_finish returns its status.
+// - `packet`: the packet.
 // - `size`: bytes of `packet`.
 // - `flags`: NVSP_DECODE_START, or 0.
 NVSP_CHECKED
-nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder,
-                              const uint8_t *packet,
-                              size_t size,
-                              uint32_t flags);
+nvsp_status nvsp_decode_begin(struct nvsp_decoder *decoder, const uint8_t *packet, size_t size, uint32_t flags);
 
-// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
-// for that at most as long as you say.
-//
-// Fails with NVSP_ERR_STATE if none was begun.
-//
-// Parameters:
-// - `milliseconds`: the longest to wait; 0 does not wait.
-NVSP_CHECKED
-nvsp_status nvsp_decode_wait(struct nvsp_decoder *decoder,
-                             uint32_t milliseconds);
-
-// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
-// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
-//
+// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room for. Returns
+// NVSP_PENDING if the packet has not ended.
 // Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After NVSP_ERR_BUFFER_TOO_SMALL the picture is
 // still there.
-//
-// Parameters:
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+// - `info`: receives what the packet yielded. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder,
-                               struct nvsp_picture *picture,
-                               struct nvsp_decoded *info);
-
-// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
-// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
-NVSP_CHECKED
-nvsp_status nvsp_decode_cancel(struct nvsp_decoder *decoder);
+nvsp_status nvsp_decode_finish(struct nvsp_decoder *decoder, struct nvsp_picture *picture, struct nvsp_decoded *info);
 
 // Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
 // pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
 // device. Memory as for nvsp_decode: nothing from the second call on.
-//
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded),
-// NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
-//
-// Parameters:
-// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
-// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY,
+// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+// - `pose`: the pose, from world to camera.
+// - `picture`: receives the picture. Its pixels are yours.
 NVSP_CHECKED
-nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder,
-                              const struct nvsp_pose *pose,
-                              struct nvsp_picture *picture);
+nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder, const struct nvsp_pose *pose, struct nvsp_picture *picture);
 
 // Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
-// prior and camera (36 in the paper's profile). Gives the pose only if the packet is about `prior`. A packet that does
-// not state its prior counts as about `prior`. Allocates nothing; any thread may call it.
-//
+// prior and camera (36 in the paper's profile). Of a packet with a tag give what is behind it. Gives the pose only if
+// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
 // NVSP_ERR_NEWER.
-//
-// Parameters:
-// - `packet`: the packet, or its start. Read during the call. Not NULL.
+// - `packet`: the packet, or its start.
 // - `size`: bytes of it that are there, 64 or more if it has as many.
 // - `prior`: a live prior. NULL: the pose is not wanted.
-// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
+// - `header`: receives what the packet says.
 NVSP_CHECKED
 nvsp_status nvsp_decode_header(const uint8_t *packet,
                                size_t size,
@@ -1668,13 +1443,10 @@ nvsp_status nvsp_decode_header(const uint8_t *packet,
 
 // A block is as the camera saw it.
 #define NVSP_TRUTH_AS_SEEN 0
-
 // It differs from what the camera saw.
 #define NVSP_TRUTH_DIFFERS 1
-
 // It is wrong.
 #define NVSP_TRUTH_WRONG 2
-
 // Nothing is known of it: it is memory.
 #define NVSP_TRUTH_NOT_SEEN 3
 
@@ -1697,13 +1469,6 @@ typedef struct nvsp_truth {
   uint32_t reserved;
 } nvsp_truth;
 
-// Bytes of the truth map of a picture of this size: one for each block. 0 if no picture can have this size.
-//
-// Parameters:
-// - `width`, `height`: the picture's size, pixels.
-size_t nvsp_truth_bound(uint32_t width,
-                        uint32_t height);
-
 // Tells how far the picture that was decoded or drawn last is from what the camera saw, block by block. Show it with
 // the picture: a prior draws what it remembers as sharply as what is there. The map never says less than what is true,
 // also if the packet was cut. It may say more of a block, if it has no room to say what is true.
@@ -1711,20 +1476,17 @@ size_t nvsp_truth_bound(uint32_t width,
 // All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
 // picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if
 // nvsp_decoder_draw drew the picture. A packet that is refused changes nothing: the map stays that of the picture
-// before. Never waits, and allocates nothing. Example:
+// before. Example:
 //
 //     nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
-//     status = nvsp_decoder_get_truth(decoder, levels, nvsp_truth_bound(info.width, info.height), &bytes, &truth);
+//     size_t size = nvsp_size_bound(NVSP_SIZE_TRUTH, info.width, info.height);
+//     status = nvsp_decoder_get_truth(decoder, levels, size, &bytes, &truth);
 //     if (levels[y / truth.block_size * truth.columns + x / truth.block_size] == NVSP_TRUTH_WRONG) warn(x, y);
-//
-// Fails with NVSP_ERR_STATE (no picture yet), NVSP_ERR_UNFINISHED (a packet is under way) or
-// NVSP_ERR_BUFFER_TOO_SMALL.
-//
-// Parameters:
-// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each. Yours, of `size` bytes. Not NULL.
-// - `size`: bytes of `levels`; nvsp_truth_bound suffices.
-// - `written`: receives the bytes that the map takes. Not NULL.
-// - `truth`: receives what they are about, set up by NVSP_INIT. NULL: not wanted.
+// Fails with NVSP_ERR_STATE (no picture yet) or NVSP_ERR_BUFFER_TOO_SMALL.
+// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each.
+// - `size`: bytes of `levels`; nvsp_size_bound suffices.
+// - `written`: receives the bytes that the map takes.
+// - `truth`: receives what they are about. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
                                    uint8_t *levels,
@@ -1736,8 +1498,7 @@ nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
 
 // Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
 // combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
-// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
-// time may use it. Example:
+// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. Example:
 //
 //     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
 //     status = nvsp_sender_plan(sender, now, &budget);
@@ -1764,7 +1525,6 @@ typedef struct nvsp_sender nvsp_sender;
 // nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
 // packets of twice the latency.
 #define NVSP_SENDER_EXPECT_REPORTS 1
-
 // nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
 // missing. Needs stream 0 and no user bytes. Below an MTU of 16 a packet has at most 8 shares, and these have no check
 // of their own: the modem must find damage.
@@ -1778,40 +1538,6 @@ typedef struct nvsp_sender nvsp_sender;
 #define NVSP_MTU_256 256
 
 #define NVSP_MTU_1024 1024
-
-// Bytes of a key.
-#define NVSP_KEY_BYTES 32
-
-// Keys that both sides hold, for nvsp_sender_options.keys, nvsp_collector_options.keys, nvsp_authenticator and
-// nvsp_verifier. What goes to the other side gets 2 bytes of number and a tag in front. What comes without the right
-// tag, or a second time, is refused before anything else of it is read. Example:
-//
-//     nvsp_keys keys = NVSP_INITIALIZER(nvsp_keys);
-//     keys.keys = key; // 32 random bytes
-//     keys.count = 1;
-//     keys.epoch = dive;
-//     options.keys = &keys;
-typedef struct nvsp_keys {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // `count` keys of NVSP_KEY_BYTES bytes each, one after the other. Tags are made by the first, and checked by all.
-  // The library copies them, and erases its copies when they are not needed any more.
-  const uint8_t *keys;
-  // Number of keys, 1 to 4.
-  uint32_t count;
-  // Bytes of a tag, 2 to 16. Both sides need the same. 0: 4.
-  uint32_t tag_bytes;
-  // Both sides need the same, and nothing of another epoch passes: count the dives, for example.
-  uint64_t epoch;
-  // Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
-  // with nvsp_sender_statistics.next_number, nvsp_collector_statistics.next_number: numbers that the other side has
-  // taken are refused.
-  uint64_t number;
-  // Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
-  // epoch gives what nvsp_collector_statistics.taken, nvsp_sender_statistics.taken told. Without it, what came
-  // before may pass once more until something newer has come. 0: none.
-  uint64_t taken[4];
-} nvsp_keys;
 
 // A link, and what its pictures should be.
 typedef struct nvsp_sender_options {
@@ -1903,52 +1629,39 @@ typedef struct nvsp_processed_report {
 
 // Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
 // within the latency.
-//
 // Fails with NVSP_ERR_ARGUMENT (an option, which the status text does not name), NVSP_ERR_MODEM (the MTU) or
 // NVSP_ERR_MEMORY.
-//
-// Parameters:
 // - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
 //   take. Both sides need the same.
-// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
-// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
+// - `options`: what the link carries, and what its pictures should be.
+// - `sender`: receives the sender, which nvsp_destroy ends.
 NVSP_CHECKED
-nvsp_status nvsp_sender_create(uint32_t mtu,
-                               const struct nvsp_sender_options *options,
-                               struct nvsp_sender **sender);
+nvsp_status nvsp_sender_create(uint32_t mtu, const struct nvsp_sender_options *options, struct nvsp_sender **sender);
 
 // Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
-// out (nvsp_encoder_skip), as the link has no bytes for it. Ask for each frame of the camera, or as often as you like:
-// if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
-// Allocates nothing.
-//
+// out (nvsp_frame_info.left_out of the next one), as the link has no bytes for it. Ask for each frame of the camera,
+// or as often as you like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest
+// packet that it takes.
 // Fails with NVSP_ERR_ARGUMENT (the time).
-//
-// Parameters:
 // - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
-// - `bytes`: receives the bytes. Not NULL.
+// - `bytes`: receives the bytes.
 NVSP_CHECKED
-nvsp_status nvsp_sender_plan(struct nvsp_sender *sender,
-                             double now,
-                             uint32_t *bytes);
+nvsp_status nvsp_sender_plan(struct nvsp_sender *sender, double now, uint32_t *bytes);
 
 // Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
 // be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
-// without a plan. Allocates nothing.
-//
+// without a plan.
 // Fails with NVSP_ERR_ARGUMENT (the time, or not as many user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_MODEM
 // (the bytes are not exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or
 // its packet was taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or
 // nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan
 // stays then.
-//
-// Parameters:
 // - `now`: when the packet is ready, seconds.
-// - `packet`: the packet. Read during the call. Not NULL.
+// - `packet`: the packet.
 // - `size`: bytes of `packet`.
-// - `user`: the user bytes. Read during the call. NULL only if `user_size` is 0.
+// - `user`: the user bytes. NULL only if `user_size` is 0.
 // - `user_size`: bytes of `user`; nvsp_sender_options.user_bytes.
-// - `division`: receives how the packet was divided, set up by NVSP_INIT. NULL: not wanted.
+// - `division`: receives how the packet was divided. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
                              double now,
@@ -1959,28 +1672,18 @@ nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
                              struct nvsp_division *division);
 
 // Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
-// writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
-// nothing.
-//
+// writes nothing then. Call it when the modem is free: shares that it had no time for are due still.
 // Fails with NVSP_ERR_ARGUMENT (the time) or NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
-//
-// Parameters:
 // - `now`: seconds.
-// - `share`: receives the share, which is a modem frame. It may be filled up with zeros. Yours, of `size` bytes. Not
-//   NULL.
+// - `share`: receives the share, which is a modem frame. It may be filled up with zeros.
 // - `size`: bytes of `share`; the MTU always suffices.
-// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 NVSP_CHECKED
-nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
-                             double now,
-                             uint8_t *share,
-                             size_t size,
-                             size_t *written);
+nvsp_status nvsp_sender_next(struct nvsp_sender *sender, double now, uint8_t *share, size_t size, size_t *written);
 
 // Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
 // step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
-// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Allocates
-// nothing. Example:
+// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Example:
 //
 //     nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
 //     if (nvsp_sender_process_report(sender, now, bytes, size, &processed) == NVSP_OK) {
@@ -1988,16 +1691,13 @@ nvsp_status nvsp_sender_next(struct nvsp_sender *sender,
 //             status = nvsp_encoder_acknowledge(encoder, processed.kept[i]);
 //         }
 //     }
-//
 // Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
 // (the sender was made without NVSP_SENDER_EXPECT_REPORTS); with keys NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. Nothing
 // changes then.
-//
-// Parameters:
 // - `now`: when the report came, seconds.
-// - `report`: its bytes. Read during the call. Not NULL.
+// - `report`: its bytes.
 // - `size`: bytes of `report`.
-// - `processed`: receives what it says, set up by NVSP_INIT. Not NULL.
+// - `processed`: receives what it says.
 NVSP_CHECKED
 nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
                                        double now,
@@ -2005,60 +1705,38 @@ nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
                                        size_t size,
                                        struct nvsp_processed_report *processed);
 
-// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
-//
-// Parameters:
-// - `time`: receives the time, seconds. It may have passed. Not NULL.
+// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then.
+// - `time`: receives the time, seconds. It may have passed.
 NVSP_CHECKED
-nvsp_status nvsp_sender_due(struct nvsp_sender *sender,
-                            double *time);
+nvsp_status nvsp_sender_due(struct nvsp_sender *sender, double *time);
 
-// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
-//
+// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer.
 // Fails with NVSP_ERR_ARGUMENT (the time).
-//
-// Parameters:
 // - `now`: seconds.
 // - `bytes`: their number, with what they cost beside themselves.
 NVSP_CHECKED
-nvsp_status nvsp_sender_count(struct nvsp_sender *sender,
-                              double now,
-                              uint32_t bytes);
+nvsp_status nvsp_sender_count(struct nvsp_sender *sender, double now, uint32_t bytes);
 
-// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
-//
+// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate.
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The rate before stays
 // then.
-//
-// Parameters:
 // - `now`: seconds.
 // - `bit_rate`: bit/s, above 0.
 NVSP_CHECKED
-nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender,
-                                     double now,
-                                     double bit_rate);
+nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender, double now, double bit_rate);
 
 // Sets what the next packets are protected against, for example as the topside has measured it
-// (nvsp_collector_statistics). Allocates nothing.
-//
+// (nvsp_collector_statistics).
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The loss before stays
 // then.
-//
-// Parameters:
 // - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
 // - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
 NVSP_CHECKED
-nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender,
-                                 double loss,
-                                 double burst);
-
-// Ends a sender; NULL is allowed. Shares that wait are lost.
-void nvsp_sender_destroy(struct nvsp_sender *sender);
+nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender, double loss, double burst);
 
 // ---- The topside's end of a link ----
 
-// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
-// use it. Example:
+// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. Example:
 //
 //     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
 //     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
@@ -2095,20 +1773,15 @@ typedef struct nvsp_collector_options {
 
 // The packet is complete.
 #define NVSP_EVENT_COMPLETE 1
-
 // The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
 #define NVSP_EVENT_GROWN 2
-
 // The share is kept. It is of use once more come.
 #define NVSP_EVENT_KEPT 3
-
 // The share was there already.
 #define NVSP_EVENT_DUPLICATE 4
-
 // The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
 // packet the first one stays, as far as it is valid.
 #define NVSP_EVENT_DAMAGED 5
-
 // The share's packet was complete before.
 #define NVSP_EVENT_SURPLUS 6
 
@@ -2139,46 +1812,34 @@ typedef struct nvsp_collected {
   uint32_t reserved;
 } nvsp_collected;
 
-// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
-//
+// Tells how much memory a collector takes for its packets. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MODEM (an MTU without room for keys).
-//
-// Parameters:
 // - `mtu`: most bytes of a modem frame, 1 to 65535; with keys from 8 more than they take.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `bytes`: receives the bytes. Not NULL.
+// - `options`: how; NULL: all defaults.
+// - `bytes`: receives the bytes.
 NVSP_CHECKED
-nvsp_status nvsp_collector_memory(uint32_t mtu,
-                                  const struct nvsp_collector_options *options,
-                                  uint64_t *bytes);
+nvsp_status nvsp_collector_memory(uint32_t mtu, const struct nvsp_collector_options *options, uint64_t *bytes);
 
 // Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MODEM (an MTU without room for keys) or NVSP_ERR_MEMORY.
-//
-// Parameters:
 // - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
 //   as many more as these take. What lies beyond it is padding.
-// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
+// - `options`: how; NULL: all defaults.
+// - `collector`: receives the collector, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_collector_create(uint32_t mtu,
                                   const struct nvsp_collector_options *options,
                                   struct nvsp_collector **collector);
 
 // Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
-// Allocates nothing.
-//
 // Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
 // that is not taken, or is one of more shares than there is room for. With keys, NVSP_ERR_FOREIGN or
 // NVSP_ERR_REPLAYED: nothing of it is read then. What came before is not lost.
-//
-// Parameters:
 // - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
 //   stale.
-// - `frame`: the modem frame. Read during the call. Not NULL.
+// - `frame`: the modem frame.
 // - `size`: bytes of it.
-// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
+// - `state`: receives what it brought. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
                                 double now,
@@ -2188,18 +1849,14 @@ nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
 
 // Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
 // which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
-// Allocates nothing.
-//
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a
 // picture.
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as nvsp_collected.frame has it.
-// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
+// - `packet`: receives the packet, or its start.
 // - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `state`: receives what is there of the packet. NULL: not wanted.
 NVSP_CHECKED
 nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
                                  uint32_t stream,
@@ -2209,17 +1866,14 @@ nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
                                  size_t *written,
                                  struct nvsp_collected *state);
 
-// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
-//
+// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of the packet that makes
 // a picture, or it has none.
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `user`: receives the user bytes. Yours, of `size` bytes. Not NULL.
+// - `user`: receives the user bytes.
 // - `size`: bytes of `user`; 255 always suffice.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 NVSP_CHECKED
 nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
                                       uint32_t stream,
@@ -2228,31 +1882,23 @@ nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
                                       size_t size,
                                       size_t *written);
 
-// Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
-//
+// Tells what is there of the packet of the greatest frame number of a stream that yields a picture.
 // Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_STATE if there is none.
-//
-// Parameters:
 // - `stream`: the stream.
-// - `state`: receives what is there, set up by NVSP_INIT. Not NULL.
+// - `state`: receives what is there.
 NVSP_CHECKED
-nvsp_status nvsp_collector_newest(struct nvsp_collector *collector,
-                                  uint32_t stream,
-                                  struct nvsp_collected *state);
+nvsp_status nvsp_collector_newest(struct nvsp_collector *collector, uint32_t stream, struct nvsp_collected *state);
 
 // Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
-// yields a picture, its frame number counts modulo 256. Allocates nothing.
-//
+// yields a picture, its frame number counts modulo 256.
 // Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
 // each eight.
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
+// - `bits`: receives the bits; those beyond `known` are zero.
 // - `size`: bytes of `bits`; an eighth of nvsp_collector_options.shares, rounded up, always suffices.
 // - `known`: receives how many shares are known of: all that the packet was sent in; of an unprotected one whose
-//   length has not come those up to the first missing one; 0: none has come. Not NULL.
+//   length has not come those up to the first missing one; 0: none has come.
 NVSP_CHECKED
 nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
                                    uint32_t stream,
@@ -2263,17 +1909,13 @@ nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
 
 // Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 // of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
-// number counts modulo 256. Allocates nothing.
-//
+// number counts modulo 256.
 // Fails with NVSP_ERR_ARGUMENT (the stream).
-//
-// Parameters:
 // - `stream`: the packet's stream.
 // - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
-//   is 0.
+// - `indices`: receives the first indices, as many as there is room for. NULL only if `room` is 0.
 // - `room`: most indices to write.
-// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
+// - `count`: receives how many are missing in all, which may be more than `room`.
 NVSP_CHECKED
 nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
                                    uint32_t stream,
@@ -2284,22 +1926,18 @@ nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
 
 // Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
 // nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
-// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
-// nothing.
-//
+// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then.
 // Fails with NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes) or NVSP_ERR_MODEM (`size` is too small for
 // any report).
-//
-// Parameters:
 // - `stream`: the stream.
-// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
-//   during the call. NULL only if `kept_count` is 0.
+// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. NULL
+//   only if `kept_count` is 0.
 // - `kept_count`: how many. Frames that the report does not tell of are ignored.
-// - `user`: bytes of yours that go with the report. Read during the call. NULL: none.
+// - `user`: bytes of yours that go with the report. NULL: none.
 // - `user_size`: bytes of `user`, at most 255.
-// - `report`: receives the report. Yours, of `size` bytes. Not NULL.
+// - `report`: receives the report.
 // - `size`: most bytes of a modem frame.
-// - `written`: receives the report's length, bytes. Not NULL.
+// - `written`: receives the report's length, bytes.
 NVSP_CHECKED
 nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
                                   uint32_t stream,
@@ -2310,105 +1948,6 @@ nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
                                   uint8_t *report,
                                   size_t size,
                                   size_t *written);
-
-// Ends a collector; NULL is allowed.
-void nvsp_collector_destroy(struct nvsp_collector *collector);
-
-// ---- Keys against strangers ----
-
-// What a tag is for: a modem frame from the vehicle.
-#define NVSP_CONTENT_FRAME 0
-
-// A report from the topside.
-#define NVSP_CONTENT_REPORT 1
-
-// A packet that does not go over a modem.
-#define NVSP_CONTENT_PACKET 2
-
-// Puts numbers and tags in front of what goes another way than through an nvsp_sender, such as packets in files. One
-// thread at a time may use it.
-typedef struct nvsp_authenticator nvsp_authenticator;
-
-// Checks what an nvsp_authenticator has made. One thread at a time may use it. Example:
-//
-//     if (nvsp_verify(verifier, bytes, size, &offset) == NVSP_OK)
-//         status = nvsp_decode(decoder, bytes + offset, size - offset, 0, &picture, NULL);
-typedef struct nvsp_verifier nvsp_verifier;
-
-// Makes an authenticator.
-//
-// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
-//
-// Parameters:
-// - `keys`: set up by NVSP_INIT. Read during the call. Not NULL.
-// - `content`: NVSP_CONTENT_*.
-// - `authenticator`: receives the authenticator, which nvsp_authenticator_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_authenticator_create(const struct nvsp_keys *keys,
-                                      uint32_t content,
-                                      struct nvsp_authenticator **authenticator);
-
-// Writes a number, a tag and the content behind them. Allocates nothing.
-//
-// Fails with NVSP_ERR_ARGUMENT (the stream) or NVSP_ERR_BUFFER_TOO_SMALL. No number is used then.
-//
-// Parameters:
-// - `stream`: the stream that it is for, 0 to 3.
-// - `content`: what goes to the other side. Read during the call. Not NULL.
-// - `size`: bytes of it.
-// - `bytes`: receives number, tag and content. Yours, of `room` bytes. They must not overlap the content. Not NULL.
-// - `room`: bytes of `bytes`; `size`, nvsp_keys.tag_bytes and 2 suffice.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_authenticate(struct nvsp_authenticator *authenticator,
-                              uint32_t stream,
-                              const uint8_t *content,
-                              size_t size,
-                              uint8_t *bytes,
-                              size_t room,
-                              size_t *written);
-
-// Tells the number of what an authenticator makes next: nvsp_keys.number of a side that starts again.
-//
-// Parameters:
-// - `number`: receives the number. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_authenticator_next_number(struct nvsp_authenticator *authenticator,
-                                           uint64_t *number);
-
-// Ends an authenticator; NULL is allowed.
-void nvsp_authenticator_destroy(struct nvsp_authenticator *authenticator);
-
-// Makes a verifier.
-//
-// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY.
-//
-// Parameters:
-// - `keys`: set up by NVSP_INIT. Read during the call. Not NULL.
-// - `content`: NVSP_CONTENT_*, as the authenticator's.
-// - `verifier`: receives the verifier, which nvsp_verifier_destroy ends. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_verifier_create(const struct nvsp_keys *keys,
-                                 uint32_t content,
-                                 struct nvsp_verifier **verifier);
-
-// Checks number and tag of what came. Each thing passes once, in about the order in which it was made: one that is 64
-// numbers behind counts as replayed. Allocates nothing.
-//
-// Fails with NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED.
-//
-// Parameters:
-// - `bytes`: what came. Read during the call. Not NULL.
-// - `size`: bytes of it.
-// - `offset`: receives where the content begins. The content goes on to the end of the bytes. Not NULL.
-NVSP_CHECKED
-nvsp_status nvsp_verify(struct nvsp_verifier *verifier,
-                        const uint8_t *bytes,
-                        size_t size,
-                        size_t *offset);
-
-// Ends a verifier; NULL is allowed.
-void nvsp_verifier_destroy(struct nvsp_verifier *verifier);
 
 #ifdef __cplusplus
 } /* extern "C" */

@@ -86,8 +86,8 @@ typedef struct nvsp_vulkan {
 
 // ---- Frames in DMA-BUFs ----
 
-// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
-// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
+// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Example, for a frame of V4L2 in
+// NV12, whose buffer VIDIOC_EXPBUF exported:
 //
 //     nvsp_dmabuf *buffer = NULL;
 //     if (nvsp_dmabuf_import(engine, fd, 0, &buffer) != NVSP_OK) return 1;
@@ -104,25 +104,19 @@ typedef struct nvsp_dmabuf nvsp_dmabuf;
 // (DRM_FORMAT_MOD_LINEAR, "pitch linear"). Surfaces in a layout of the hardware's own, such as NVIDIA's block-linear
 // NVMM surfaces, must be converted first: on a Jetson nvvidconv or NvBufSurfTransform does it. The library maps the
 // buffer for reading and keeps a copy of the descriptor. Needs no extension of the Vulkan device. Allocates.
-//
 // Fails with NVSP_ERR_ARGUMENT (the descriptor is not open, or of no DMA-BUF: memfd and files are none),
 // NVSP_ERR_UNSUPPORTED (another modifier, or a buffer that the CPU may not read or map), or NVSP_ERR_MEMORY; the text
 // is the engine's.
-//
-// Parameters:
-// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
+// - `engine`: a live engine, whose log and last error tell of failures.
 // - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
 // - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
 //   formats without a name of their own for a layout are linear.
-// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+// - `dmabuf`: receives the buffer, which nvsp_destroy ends.
 NVSP_CHECKED
 nvsp_status nvsp_dmabuf_import(const struct nvsp_engine *engine,
                                int32_t fd,
                                uint64_t modifier,
                                struct nvsp_dmabuf **dmabuf);
-
-// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
-void nvsp_dmabuf_destroy(struct nvsp_dmabuf *dmabuf);
 
 // ---- Memory of yours ----
 
@@ -148,11 +142,8 @@ typedef struct nvsp_allocator {
 // Sets the functions that the library takes host memory from, for the whole process. Call it before all other
 // functions. You may call it again once all handles are destroyed. The Vulkan loader and driver take theirs as they
 // do, and threads their stacks.
-//
 // Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
-//
-// Parameters:
-// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
+// - `allocator`: the functions.
 NVSP_CHECKED
 nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator);
 
@@ -160,16 +151,12 @@ nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator);
 
 // A graphics card with memory of its own.
 #define NVSP_DEVICE_DISCRETE_GPU 1
-
 // A GPU that shares the host's memory.
 #define NVSP_DEVICE_INTEGRATED_GPU 2
-
 // A GPU of a virtual machine.
 #define NVSP_DEVICE_VIRTUAL_GPU 3
-
 // A driver that computes on the CPU.
 #define NVSP_DEVICE_CPU 4
-
 // Any other device.
 #define NVSP_DEVICE_OTHER 5
 
@@ -199,18 +186,13 @@ typedef struct nvsp_device_info {
 
 // Describes a device of the installed drivers, by its number, and tells how many there are. Each call asks the drivers
 // anew, which takes milliseconds, and allocates. Any thread may call it.
-//
 // Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_NO_DEVICE if no driver is installed, or NVSP_ERR_ARGUMENT if
 // no device has this number; `count` is written then, too.
-//
-// Parameters:
 // - `number`: the device's number, from 0.
-// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
+// - `info`: receives the description. NULL: not wanted.
 // - `count`: receives how many devices there are. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_device_get_info(uint32_t number,
-                                 struct nvsp_device_info *info,
-                                 uint32_t *count);
+nvsp_status nvsp_device_get_info(uint32_t number, struct nvsp_device_info *info, uint32_t *count);
 
 // ---- Counts of both ends of a link ----
 
@@ -249,12 +231,9 @@ typedef struct nvsp_sender_statistics {
 } nvsp_sender_statistics;
 
 // Copies the counts of a sender.
-//
-// Parameters:
-// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+// - `statistics`: receives the counts.
 NVSP_CHECKED
-nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender,
-                                       struct nvsp_sender_statistics *statistics);
+nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender, struct nvsp_sender_statistics *statistics);
 
 // Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
 typedef struct nvsp_collector_statistics {
@@ -296,9 +275,7 @@ typedef struct nvsp_collector_statistics {
 } nvsp_collector_statistics;
 
 // Copies the counts of a collector.
-//
-// Parameters:
-// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+// - `statistics`: receives the counts.
 NVSP_CHECKED
 nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
                                           struct nvsp_collector_statistics *statistics);

@@ -92,13 +92,13 @@ selftest() {
         [ "$result" = "$2" ] || { echo "abi: $1 $result" >&2; cat "$scratch/report" >&2; exit 1; }
     }
     change constant fails 's/^#define NVSP_FORMAT_BGR8 2$/#define NVSP_FORMAT_BGR8 7/'
-    change removed fails 's/^const char \*nvsp_version(void);$//'
+    change removed fails 's/^const char \*nvsp_status_text(nvsp_status status);$//'
     change parameter fails 's/^\(const char \*nvsp_status_text(\)nvsp_status status);$/\1int64_t status);/'
     change field fails '/^typedef struct nvsp_pose {/,/^}/s/double translation/float translation/'
     change type fails '/^typedef struct nvsp_engine_options {/,/^}/s/uint32_t flags/float flags/'
     change extra fails 's/uint64_t modifier,$/uint32_t modifier,/'
     change grown fails '/^typedef struct nvsp_pose {/,/^}/s/^}/    float more;\n}/'
-    change added passes 's/^const char \*nvsp_version(void);$/&\nint nvsp_new(void);/'
+    change added passes 's/^const char \*nvsp_status_text(nvsp_status status);$/&\nint nvsp_new(void);/'
     change tail passes '/^typedef struct nvsp_engine_options {/,/^}/s/^}/    uint64_t more;\n}/'
     echo "seven changes that break programs are found, two that do not pass"
 }

@@ -15,18 +15,17 @@ import tempfile
 # The headers, with their parts: a title, and the files of src/capi.
 HEADERS = {
     "nvsprior": {
-        "Statuses and the texts of failures": "status handle",
+        "Statuses, and what any handle takes": "status handle",
         "Structures and versions": "structs version",
         "Engines": "log thread engine",
         "Priors": "prior",
         "Images and poses": "image frame",
-        "Encoders": "encoding encoder",
+        "Encoders": "keys encoding encoder",
         "What an encoder's camera sees": "lens",
         "Decoders": "decoder",
         "How far a picture is from what the camera saw": "truth",
         "The vehicle's end of a link": "sender",
         "The topside's end of a link": "collector",
-        "Keys against strangers": "keys",
     },
     "nvsprior_extra": {
         "A Vulkan device of yours": "vulkan",
@@ -37,7 +36,7 @@ HEADERS = {
     },
 }
 # Handles: many threads may use one of the first kind at once, one thread at a time one of the second.
-SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector|authenticator|verifier)"
+SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector)"
 ITEM = re.compile(r'^pub (?:unsafe )?(?:extern "C" )?(const|type|struct|fn) (\w+)', re.M)
 
 
@@ -75,12 +74,19 @@ def translate(sources):
 def function(block):
     """A function's block with its attribute: the status must be looked at. That a pointer is not NULL is no attribute:
     a compiler would take checks of it away, though NULL has a status."""
-    block = re.sub(r"^// # (Safety|Parameters)$", "// Parameters:", block, flags=re.M)
+    block = re.sub(r"^//\n// # (?:Safety|Parameters)\n", "", block, flags=re.M)
+    block = re.sub(r"^//\n(?=// Fails )", "", block, flags=re.M)
     comment, declaration = re.match(r"((?://.*\n)*)((?:.|\n)*)", block).groups()
     name = re.search(r"(\w+)\(", declaration)[1]
     # A call that cannot fail if it is used as it should be may be left unchecked.
     checked = declaration.startswith("nvsp_status ") and name not in ("nvsp_last_error", "nvsp_struct_init")
     return comment + ("NVSP_CHECKED\n" if checked else "") + declaration
+
+
+def paragraphs(text):
+    """The text with constants of one kind, such as statuses, next to each other."""
+    between = re.compile(r"^(#define NVSP_([A-Z]+)_.*\n)\n(?=(?://.*\n)+#define NVSP_\2_)", re.M)
+    return between.sub(r"\1", text)
 
 
 class Writer:
@@ -134,7 +140,7 @@ def main():
             for _, name in ITEM.findall("\n".join(files[file] for file in part.split())):
                 writer.put(name)
         with open(f"{folder}/{header}.h", "w", encoding="utf-8") as file:
-            file.write(template.replace("@ITEMS@", "\n\n".join(writer.text)))
+            file.write(template.replace("@ITEMS@", paragraphs("\n\n".join(writer.text))))
 
 
 main()

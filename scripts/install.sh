@@ -35,11 +35,23 @@ fi
 # A vehicle does without what only a comparison with the paper takes.
 features=capi,paper
 [ "$profile" != firmware ] || features=capi
+# cargo-c compiles anew for other folders, although nvsprior.pc alone has them. So it gets the same ones each time, and
+# what it has made is copied.
+stage=${CARGO_TARGET_DIR:-target}/stage/$target-$profile
+echo "install: builds the library ($profile, $target); the first time that takes some minutes" >&2
 cargo cinstall -p nvsprior --profile "$profile" --target "$target" --no-default-features --features "$features" \
-    --prefix "$prefix" --libdir "$libdir" --includedir "$includedir" \
-    ${destdir:+--destdir "$destdir"}
+    --prefix /usr --libdir /usr/lib --includedir /usr/include --destdir "$stage"
 
 installed=$destdir$libdir
+echo "install: to $installed and $destdir$includedir" >&2
+mkdir -p "$installed/pkgconfig" "$destdir$includedir"
+cp -d --preserve=mode,links "$stage"/usr/lib/libnvsprior.so* "$installed/"
+install -m 644 "$stage"/usr/include/nvsprior*.h "$destdir$includedir/"
+# A folder as pkg-config has it: below the prefix, if it is.
+below() { case $1 in "$prefix"/*) echo "\${prefix}${1#"$prefix"}" ;; *) echo "$1" ;; esac; }
+sed -e "s|^prefix=.*|prefix=$prefix|" -e "s|^libdir=.*|libdir=$(below "$libdir")|" \
+    -e "s|^includedir=.*|includedir=$(below "$includedir")|" "$stage/usr/lib/pkgconfig/nvsprior.pc" \
+    > "$installed/pkgconfig/nvsprior.pc"
 
 # The static library as one object that exports only nvsp_*. As rustc leaves it, libwebp's functions
 # and Rust's own would clash with those of the program.
@@ -47,7 +59,7 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 "${binutils}nm" -D --defined-only "$installed/libnvsprior.so" |
     sed -n 's/.* T \(nvsp_.*\)/-u \1/p' > "$scratch/roots"
-"${binutils}ld" -r --gc-sections -o "$scratch/all.o" @"$scratch/roots" "$installed/libnvsprior.a"
+"${binutils}ld" -r --gc-sections -o "$scratch/all.o" @"$scratch/roots" "$stage/usr/lib/libnvsprior.a"
 "${binutils}objcopy" --wildcard --keep-global-symbol='nvsp_*' --strip-debug \
     --remove-section=.llvmbc --remove-section=.llvmcmd "$scratch/all.o" "$scratch/nvsprior.o"
 case $target in

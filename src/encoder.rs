@@ -51,10 +51,8 @@ pub struct EncoderOptions {
     /// State the session, prior and camera, again after this many frames, for a topside that missed it; 0: never again.
     /// It is also stated with the first frame, when the camera changes, and after a reset. It takes 29 bytes.
     pub camera_interval: u32,
-    /// Send a check of the render (six bytes) with the first frame, and again after this many
-    /// frames; 0: never. It tells a topside on another kind of device whether its render is the
-    /// same.
-    pub check_interval: u32,
+    /// When packets have a check of the render.
+    pub render_checks: RenderChecks,
     /// Number of the first frame.
     pub first_frame: u32,
     /// Reduction factors of the pyramid, finest first, beginning with 1.
@@ -77,6 +75,27 @@ pub struct EncoderOptions {
     pub frames_treated: bool,
 }
 
+/// When packets have a check of the render, of six bytes. It tells a topside on another kind of device whether its
+/// render is the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RenderChecks {
+    /// Never.
+    #[default]
+    Never,
+    /// With the first frame, and again after this many frames, one or more.
+    Every(u32),
+    /// With packets that state the session, until the topside has acknowledged a frame. If this device is not portable,
+    /// always with those.
+    AsNeeded,
+}
+
+impl RenderChecks {
+    /// After this many frames; 0: never.
+    pub fn every(frames: u32) -> RenderChecks {
+        if frames == 0 { RenderChecks::Never } else { RenderChecks::Every(frames) }
+    }
+}
+
 /// Spreads of the prior beyond which no pose from outside can lie.
 const FAR: f64 = 1e6;
 
@@ -91,7 +110,7 @@ impl Default for EncoderOptions {
             mode: Mode::default(),
             profile: PoseProfile::Compact,
             camera_interval: 64,
-            check_interval: 0,
+            render_checks: RenderChecks::Never,
             first_frame: 0,
             factors: vec![1, 2, 4, 8],
             predict_poses: false,
@@ -128,6 +147,8 @@ pub struct Encoder {
     stream_ended: bool,
     /// What the topside is known to hold.
     acknowledged: Acknowledged,
+    /// The topside has acknowledged a frame, so it draws the prior as this side does.
+    confirmed: bool,
     /// What is known of the poses that the topside holds; `None`: none is predicted from them.
     poses: Option<SentPoses>,
     /// The last time that a frame stated.
@@ -174,6 +195,7 @@ impl Encoder {
             session_age: None,
             stream_ended: false,
             acknowledged: Acknowledged::default(),
+            confirmed: false,
             time: None,
             frame_time,
             interrupt,
@@ -245,12 +267,14 @@ impl Encoder {
     /// change nothing.
     pub fn acknowledge(&mut self, frame: u32) {
         self.acknowledged.add(frame);
+        self.confirmed = true;
     }
 
     /// Tells the encoder whether the topside holds the pose of a frame, as [`Decoder::hold`](crate::Decoder::hold) took
     /// it in and [`Report::poses`](crate::modem::Report::poses) tells. With [`EncoderOptions::predict_poses`] later
     /// poses are predicted from it, as long as it is one of the last 64 frames. `frame` may be modulo 2¹⁶.
     pub fn acknowledge_pose(&mut self, frame: u32, held: bool) {
+        self.confirmed |= held;
         if let Some(poses) = &mut self.poses {
             poses.acknowledge(frame, held);
         }
@@ -404,7 +428,7 @@ impl Encoder {
         let found = found.ok_or(Error::NoStart { frame: self.frame })?;
         let pose = self.coded_pose(&found, profile)?;
         self.set_stream(&pose, work);
-        work.has_render_check = self.check_due();
+        work.has_render_check = self.check_due(states_session);
         work.residual = Some(self.residual_setup());
         work.has_truth = has_truth(&self.options);
         let renderer = self.tracker.objective().renderer();
@@ -542,6 +566,7 @@ impl Encoder {
         self.session_age = None;
         self.stream_ended = true;
         self.acknowledged = Acknowledged::default();
+        self.confirmed = false;
         self.forget_poses();
     }
 
@@ -595,9 +620,17 @@ impl Encoder {
         Ok(pose)
     }
 
-    fn check_due(&self) -> bool {
-        let done = self.frame.wrapping_sub(self.options.first_frame);
-        done.checked_rem(self.options.check_interval) == Some(0)
+    fn check_due(&self, states_session: bool) -> bool {
+        match self.options.render_checks {
+            RenderChecks::Never => false,
+            RenderChecks::Every(frames) => {
+                let done = self.frame.wrapping_sub(self.options.first_frame);
+                done.checked_rem(frames) == Some(0)
+            }
+            RenderChecks::AsNeeded => {
+                states_session && !(self.confirmed && self.engine.device().portable)
+            }
+        }
     }
 
     /// Whether the next packet states the session.

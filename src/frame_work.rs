@@ -21,6 +21,9 @@ pub(crate) struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
     pub info: FrameInfo,
+    /// Camera frames left out before it.
+    #[cfg(feature = "capi")]
+    pub left_out: u32,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
     pub interest: Option<Arc<Interest>>,

@@ -71,7 +71,7 @@ use nvsprior_kernels::{block_table, filter, portable, search, shared};
 pub use decoder::{Decoded, Decoder, Trust};
 pub use doubt_view::{DoubtLevel, DoubtMap, DoubtView};
 pub use encoded::{Encoded, FrameStats, packet_bound};
-pub use encoder::{Encoder, EncoderOptions};
+pub use encoder::{Encoder, EncoderOptions, RenderChecks};
 pub use engine::Engine;
 pub use error::Error;
 pub use error_kind::ErrorKind;

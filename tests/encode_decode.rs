@@ -14,7 +14,7 @@ use nvsprior::render::{Plan, Scene};
 use nvsprior::tracking::{Optimizer, StartKind};
 use nvsprior::{
     Camera, Decoder, Encoded, Encoder, EncoderOptions, Engine, Error, FrameInfo, Hint, Packet,
-    Picture, Pipeline, Pose, PriorId, Rate,
+    Picture, Pipeline, Pose, PriorId, Rate, RenderChecks,
 };
 use scene::{CAMERA, clean_frame, frame, on_device, pose, pose_error, wall};
 
@@ -604,12 +604,46 @@ fn the_rate_may_change_with_the_link() {
     assert!(fine > 300 && coarse <= 300 && coarse > 20 && bare == 20, "{fine}, {coarse}, {bare}");
 }
 
+/// Packets that state the session have a check, until the topside has acknowledged a frame.
+#[test]
+fn render_checks_end_once_a_frame_is_acknowledged() {
+    let engine = common::engine();
+    let scene = engine.upload(&scene::wall(1)).unwrap();
+    let options = EncoderOptions {
+        render_checks: RenderChecks::AsNeeded,
+        camera_interval: 2,
+        ..EncoderOptions::default()
+    };
+    let pose = scene::pose(0.0);
+    let frame = scene::frame(&engine, &scene, &pose);
+    let mut encoder = Encoder::new(&engine, &scene, &scene::CAMERA, options).unwrap();
+    let mut has = Vec::new();
+    for t in 0..9 {
+        let encoded = encoder.encode(&frame, Some(pose)).unwrap();
+        let packet = Packet::decode(&encoded.packet).unwrap();
+        has.push((packet.session.is_some(), packet.render.is_some()));
+        match t {
+            // The topside does not hold the pose, which confirms nothing.
+            0 => encoder.acknowledge_pose(0, false),
+            3 => encoder.acknowledge(2),
+            5 => encoder.reset(),
+            6 => encoder.acknowledge_pose(6, true),
+            _ => {}
+        }
+    }
+    let (both, session, none) = ((true, true), (true, false), (false, false));
+    let checked = if engine.device().portable { session } else { both };
+    assert_eq!(has, [both, none, both, none, checked, none, both, none, checked]);
+    common::assert_silent(&engine);
+}
+
 /// If the vehicle sends a check, a topside whose prior looks a little different learns of it.
 #[test]
 fn a_render_check_tells_a_different_render() {
     let engine = common::engine();
     let scene = engine.upload(&scene::wall(1)).unwrap();
-    let options = EncoderOptions { check_interval: 2, ..EncoderOptions::default() };
+    let options =
+        EncoderOptions { render_checks: RenderChecks::Every(2), ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&engine, &scene, &scene::CAMERA, options).unwrap();
     let [mut decoder, mut elsewhere] = [(), ()].map(|()| Decoder::new(&engine, &scene));
     for t in 0..3_u32 {

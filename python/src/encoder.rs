@@ -4,7 +4,7 @@ use numpy::PyArray2;
 use nvsprior::image::Mask;
 use nvsprior::residual::Interest;
 use nvsprior::tracking::FrameInfo;
-use nvsprior::{Encoded, Encoder, EncoderOptions, FrameStats, Picture, Rate};
+use nvsprior::{Encoded, Encoder, EncoderOptions, FrameStats, Picture, Rate, RenderChecks};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -184,7 +184,7 @@ impl PyEncoder {
             mode: options::mode(stream, key_every)?,
             profile: options::profile(profile)?,
             camera_interval,
-            check_interval,
+            render_checks: RenderChecks::every(check_interval),
             first_frame,
             predict_poses,
             truth,

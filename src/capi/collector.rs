@@ -5,7 +5,7 @@ use std::ptr::null_mut;
 use crate::keys::Keys;
 use crate::modem::{Collected, CollectedPacket, Collector, CollectorOptions};
 
-use super::handle::{Handle, fence};
+use super::handle::{Content, Handle, fence};
 use super::keys::{keys_of, nvsp_keys};
 use super::limits::SMALL;
 use super::log::Log;
@@ -14,8 +14,7 @@ use super::slices::{Room, optional_slice, slice, slice_mut};
 use super::status::*;
 use super::structs::{In, Out, Place, number, versioned, zeroed};
 
-/// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. One thread at a time may
-/// use it. Example:
+/// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. Example:
 ///
 /// ```c
 /// nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
@@ -23,6 +22,8 @@ use super::structs::{In, Out, Place, number, versioned, zeroed};
 ///     status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
 /// ```
 pub type nvsp_collector = Handle<Collector>;
+
+impl Content for Collector {}
 
 /// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
 /// counts as valid to its end.
@@ -122,14 +123,14 @@ fn memory_of(options: &CollectorOptions, keys: Option<&Keys>) -> Result<u64, Fai
     } as u64)
 }
 
-/// Tells how much memory a collector takes for its packets. Allocates nothing; any thread may call it.
+/// Tells how much memory a collector takes for its packets. Any thread may call it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MODEM (an MTU without room for keys).
 ///
 /// # Parameters
 /// - `mtu`: most bytes of a modem frame, 1 to 65535; with keys from 8 more than they take.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-/// - `bytes`: receives the bytes. Not NULL.
+/// - `options`: how; NULL: all defaults.
+/// - `bytes`: receives the bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_collector_memory(
     mtu: u32,
@@ -151,8 +152,8 @@ pub extern "C" fn nvsp_collector_memory(
 /// # Parameters
 /// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
 ///   as many more as these take. What lies beyond it is padding.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-/// - `collector`: receives the collector, which nvsp_collector_destroy ends. Not NULL.
+/// - `options`: how; NULL: all defaults.
+/// - `collector`: receives the collector, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_collector_create(
     mtu: u32,
@@ -175,7 +176,6 @@ pub extern "C" fn nvsp_collector_create(
 }
 
 /// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
-/// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
 /// that is not taken, or is one of more shares than there is room for. With keys, NVSP_ERR_FOREIGN or
@@ -184,9 +184,9 @@ pub extern "C" fn nvsp_collector_create(
 /// # Safety
 /// - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
 ///   stale.
-/// - `frame`: the modem frame. Read during the call. Not NULL.
+/// - `frame`: the modem frame.
 /// - `size`: bytes of it.
-/// - `state`: receives what it brought, set up by NVSP_INIT. NULL: not wanted.
+/// - `state`: receives what it brought. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_push(
     collector: Option<&nvsp_collector>,
@@ -221,7 +221,6 @@ pub unsafe extern "C" fn nvsp_collector_push(
 
 /// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
 /// which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
-/// Allocates nothing.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a
 /// picture.
@@ -229,10 +228,10 @@ pub unsafe extern "C" fn nvsp_collector_push(
 /// # Safety
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as nvsp_collected.frame has it.
-/// - `packet`: receives the packet, or its start. Yours, of `size` bytes. Not NULL.
+/// - `packet`: receives the packet, or its start.
 /// - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
-/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-/// - `state`: receives what is there of the packet, set up by NVSP_INIT. NULL: not wanted.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+/// - `state`: receives what is there of the packet. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_fetch(
     collector: Option<&nvsp_collector>,
@@ -254,7 +253,7 @@ pub unsafe extern "C" fn nvsp_collector_fetch(
     })
 }
 
-/// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes. Allocates nothing.
+/// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of the packet that makes
 /// a picture, or it has none.
@@ -262,9 +261,9 @@ pub unsafe extern "C" fn nvsp_collector_fetch(
 /// # Safety
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
-/// - `user`: receives the user bytes. Yours, of `size` bytes. Not NULL.
+/// - `user`: receives the user bytes.
 /// - `size`: bytes of `user`; 255 always suffice.
-/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_fetch_user(
     collector: Option<&nvsp_collector>,
@@ -283,13 +282,13 @@ pub unsafe extern "C" fn nvsp_collector_fetch_user(
     })
 }
 
-/// Tells what is there of the packet of the greatest frame number of a stream that yields a picture. Allocates nothing.
+/// Tells what is there of the packet of the greatest frame number of a stream that yields a picture.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_STATE if there is none.
 ///
 /// # Parameters
 /// - `stream`: the stream.
-/// - `state`: receives what is there, set up by NVSP_INIT. Not NULL.
+/// - `state`: receives what is there.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_collector_newest(
     collector: Option<&nvsp_collector>,
@@ -307,7 +306,7 @@ pub extern "C" fn nvsp_collector_newest(
 }
 
 /// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
-/// yields a picture, its frame number counts modulo 256. Allocates nothing.
+/// yields a picture, its frame number counts modulo 256.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
 /// each eight.
@@ -315,10 +314,10 @@ pub extern "C" fn nvsp_collector_newest(
 /// # Safety
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
-/// - `bits`: receives the bits; those beyond `known` are zero. Yours, of `size` bytes. Not NULL.
+/// - `bits`: receives the bits; those beyond `known` are zero.
 /// - `size`: bytes of `bits`; an eighth of nvsp_collector_options.shares, rounded up, always suffices.
 /// - `known`: receives how many shares are known of: all that the packet was sent in; of an unprotected one whose
-///   length has not come those up to the first missing one; 0: none has come. Not NULL.
+///   length has not come those up to the first missing one; 0: none has come.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_arrived(
     collector: Option<&nvsp_collector>,
@@ -349,17 +348,16 @@ pub unsafe extern "C" fn nvsp_collector_arrived(
 
 /// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
 /// of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
-/// number counts modulo 256. Allocates nothing.
+/// number counts modulo 256.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the stream).
 ///
 /// # Safety
 /// - `stream`: the packet's stream.
 /// - `frame`: its frame number, as for nvsp_collector_fetch.
-/// - `indices`: receives the first indices, as many as there is room for. Yours, of `room` numbers. NULL only if `room`
-///   is 0.
+/// - `indices`: receives the first indices, as many as there is room for. NULL only if `room` is 0.
 /// - `room`: most indices to write.
-/// - `count`: receives how many are missing in all, which may be more than `room`. Not NULL.
+/// - `count`: receives how many are missing in all, which may be more than `room`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_missing(
     collector: Option<&nvsp_collector>,
@@ -390,22 +388,21 @@ pub unsafe extern "C" fn nvsp_collector_missing(
 
 /// Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
 /// nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
-/// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then. Allocates
-/// nothing.
+/// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes) or NVSP_ERR_MODEM (`size` is too small for
 /// any report).
 ///
 /// # Safety
 /// - `stream`: the stream.
-/// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. Read
-///   during the call. NULL only if `kept_count` is 0.
+/// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. NULL
+///   only if `kept_count` is 0.
 /// - `kept_count`: how many. Frames that the report does not tell of are ignored.
-/// - `user`: bytes of yours that go with the report. Read during the call. NULL: none.
+/// - `user`: bytes of yours that go with the report. NULL: none.
 /// - `user_size`: bytes of `user`, at most 255.
-/// - `report`: receives the report. Yours, of `size` bytes. Not NULL.
+/// - `report`: receives the report.
 /// - `size`: most bytes of a modem frame.
-/// - `written`: receives the report's length, bytes. Not NULL.
+/// - `written`: receives the report's length, bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_collector_report(
     collector: Option<&nvsp_collector>,
@@ -438,12 +435,6 @@ pub unsafe extern "C" fn nvsp_collector_report(
         written.write(content.write_report(&found, user, into)?);
         Ok(NVSP_OK)
     })
-}
-
-/// Ends a collector; NULL is allowed.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_collector_destroy(collector: Option<Box<nvsp_collector>>) {
-    nvsp_collector::destroy(collector)
 }
 
 fn stream_of(collector: &Collector, stream: u32) -> Result<u8, Failure> {

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
+use crate::keys::{self, Verifier};
 use crate::packet::{LONGEST_HEAD, PacketError, Parsed, PoseProfile};
 use crate::prior::CoordinateFrame;
 use crate::queue::{Lost, Queue};
@@ -10,8 +11,9 @@ use crate::truth::TruthMap;
 use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
 
 use super::engine::nvsp_engine;
-use super::handle::{Handle, fence, locked};
+use super::handle::{Content, Handle, fence, locked};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
+use super::keys::{keys_of, nvsp_keys, taken_of};
 use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
 use super::slices::slice;
@@ -19,7 +21,7 @@ use super::status::*;
 use super::structs::{Checked, In, Out, Place, versioned, zeroed};
 use super::thread::{ThreadStart, spawner};
 
-/// Decodes packets, in any order. One thread at a time may use it. Example:
+/// Decodes packets, in any order. Example:
 ///
 /// ```c
 /// nvsp_picture picture = NVSP_INITIALIZER(nvsp_picture);
@@ -35,6 +37,9 @@ pub type nvsp_decoder = Handle<Decoding>;
 pub(super) struct Decoding {
     core: Arc<Mutex<Core>>,
     queue: Queue<PacketWork, Failure>,
+    /// What checks packets first, and as it was before the last one; `None`: any packet is taken.
+    verifier: Option<Verifier>,
+    before: Option<Verifier>,
 }
 
 /// What the packets of a decoder share.
@@ -57,7 +62,12 @@ struct PacketWork {
 }
 
 impl Decoding {
-    fn new(decoder: Decoder, limits: Limits, start: ThreadStart) -> Decoding {
+    fn new(
+        decoder: Decoder,
+        limits: Limits,
+        verifier: Option<Verifier>,
+        start: ThreadStart,
+    ) -> Decoding {
         let core = Core { decoder, drawn: Picture::default(), truth: None, limits };
         let core = Arc::new(Mutex::new(core));
         let work = PacketWork {
@@ -71,7 +81,7 @@ impl Decoding {
         let spawn = spawner([c"nvsp-decoder"], start);
         // If nobody takes a picture, nothing is lost: no other picture depends on it.
         let queue = Queue::new(vec![Box::new(decode)], vec![work], Lost::default(), spawn);
-        Decoding { core, queue }
+        Decoding { core, queue, before: verifier.clone(), verifier }
     }
 
     /// Fails from the beginning of a packet until it is finished or cancelled.
@@ -89,16 +99,52 @@ impl Decoding {
         fetch(core.truth.as_ref().ok_or(Failure::at(NVSP_ERR_STATE, "no packet was decoded"))?)
     }
 
-    fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        Ok(done_or_pending(self.queue.wait(timeout)?))
+    /// Takes a packet in, by `run` on this thread, else on the decoder's own.
+    fn start(&mut self, packet: &[u8], flags: u32, run: bool) -> Result<(), Failure> {
+        let trust = match flags {
+            0 => Trust::Whole,
+            NVSP_DECODE_START => Trust::Start,
+            _ => return Err(Failure::argument("flags")),
+        };
+        let Decoding { core, queue, verifier, before } = self;
+        let fill = |work: &mut PacketWork| {
+            before.clone_from(verifier);
+            let packet = match verifier {
+                Some(verifier) => verifier.verify(packet)?.content,
+                None => packet,
+            };
+            fill(&*locked(core)?, work, packet, trust)
+        };
+        let started = if run { queue.run(fill) } else { queue.begin(fill) };
+        self.forgive(started)
+    }
+
+    /// A packet that failed for want of memory, or by its device, may come again.
+    fn forgive<T>(&mut self, done: Result<T, Failure>) -> Result<T, Failure> {
+        done.inspect_err(|failure| {
+            let own = [NVSP_ERR_MEMORY, NVSP_ERR_VULKAN, NVSP_ERR_DEVICE_LOST];
+            if own.contains(&failure.status()) {
+                self.verifier.clone_from(&self.before);
+            }
+        })
     }
 
     fn take(
         &mut self,
-        fetch: impl FnOnce(&Decoded) -> Result<(), Failure>,
+        fetch: impl FnOnce(&Decoded, Option<&Verifier>) -> Result<(), Failure>,
     ) -> Result<nvsp_status, Failure> {
-        let taken = self.queue.take(|work| fetch(&work.decoded))?;
-        Ok(done_or_pending(taken))
+        let taken = self.queue.take(|work| fetch(&work.decoded, self.verifier.as_ref()));
+        Ok(done_or_pending(self.forgive(taken)?))
+    }
+}
+
+impl Content for Decoding {
+    fn wait(&mut self, timeout: Duration) -> Result<nvsp_status, Failure> {
+        Ok(done_or_pending(self.queue.wait(timeout)?))
+    }
+
+    fn cancel(&mut self) -> Result<nvsp_status, Failure> {
+        Ok(done_or_pending(self.queue.cancel()))
     }
 }
 
@@ -153,8 +199,10 @@ pub struct nvsp_decoded {
     /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of the camera (radians);
     /// else infinite.
     pub rotation_deviation: f64,
+    /// With keys: the number above all of the packets that came. Else 0. See nvsp_keys.taken.
+    pub taken: u64,
 }
-versioned!(nvsp_decoded, 120);
+versioned!(nvsp_decoded, 128);
 
 /// `pose` is given.
 pub const NVSP_HEADER_POSE: u32 = 4;
@@ -198,15 +246,18 @@ versioned!(nvsp_header, 120);
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
 ///
-/// Fails with NVSP_ERR_MEMORY; the text is the engine's.
+/// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MEMORY; the text is the engine's.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
-/// - `decoder`: receives the decoder, which nvsp_decoder_destroy ends. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
+/// - `keys`: only whole packets that an encoder has made with one of these keys are taken, and none a second time.
+///   NULL: none, and whatever comes is taken.
+/// - `decoder`: receives the decoder, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_create(
     engine: Option<&nvsp_engine>,
     prior: Option<&nvsp_prior>,
+    keys: In<nvsp_keys>,
     decoder: Place<Box<nvsp_decoder>>,
 ) -> nvsp_status {
     nvsp_engine::share(engine, |handle, engine| {
@@ -214,7 +265,9 @@ pub extern "C" fn nvsp_decoder_create(
         let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
         let mut decoder_made = Decoder::new(&engine.engine, &scene);
         decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
-        let decoding = Decoding::new(decoder_made, engine.how.limits, engine.how.threads);
+        let verifier = keys_of(keys)?.map(|keys| Verifier::new(&keys, keys::Content::Packet));
+        let how = &engine.how;
+        let decoding = Decoding::new(decoder_made, how.limits, verifier, how.threads);
         decoder.write(Handle::boxed(decoding, handle.log()));
         Ok(NVSP_OK)
     })
@@ -223,10 +276,10 @@ pub extern "C" fn nvsp_decoder_create(
 /// Tells the decoder about a camera that packets only name. So a topside that joins late need not
 /// wait until the camera is sent again. The decoder knows the last 256 cameras.
 ///
-/// Fails with NVSP_ERR_CAMERA.
+/// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_MEMORY (more pixels than the engine allows).
 ///
 /// # Parameters
-/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_add_camera(
     decoder: Option<&nvsp_decoder>,
@@ -246,7 +299,7 @@ pub extern "C" fn nvsp_decoder_add_camera(
 /// picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 ///
 /// Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
-/// NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
+/// NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.
 ///
 /// # Parameters
 /// - `on`: 1: filter pictures. 0: do not.
@@ -267,7 +320,7 @@ pub extern "C" fn nvsp_decoder_set_filter(decoder: Option<&nvsp_decoder>, on: u3
 /// Fails with NVSP_ERR_OTHER_PRIOR.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_reopen(
     decoder: Option<&nvsp_decoder>,
@@ -292,15 +345,16 @@ pub extern "C" fn nvsp_decoder_reopen(
 /// device and driver. nvsp_decoder_get_truth tells what of it is as the camera saw it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET, NVSP_ERR_OTHER_PRIOR, NVSP_ERR_CAMERA_UNKNOWN, NVSP_ERR_MEMORY,
-/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until
-/// the next packet is decoded, and nvsp_decode_finish fetches it.
+/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST. With keys, fails with NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED: nothing of it
+/// is read then. Fails also with NVSP_ERR_BUFFER_TOO_SMALL: the picture is then kept until the next packet is decoded,
+/// and nvsp_decode_finish fetches it.
 ///
 /// # Safety
-/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `packet`: the packet.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+/// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+/// - `info`: receives what the packet yielded. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode(
     decoder: Option<&nvsp_decoder>,
@@ -314,23 +368,22 @@ pub unsafe extern "C" fn nvsp_decode(
         let out = info.optional()?;
         // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
         let packet = unsafe { slice(packet, size, "packet")? };
-        let Decoding { core, queue } = &mut *content;
-        queue.run(|work| fill(&*locked(core)?, work, packet, flags))?;
-        content.take(|decoded| fetch(decoded, picture, &out))
+        content.start(packet, flags, true)?;
+        content.take(|decoded, keys| fetch(decoded, keys, picture, &out))
     })
 }
 
 /// Begins to decode a packet on the decoder's own thread. Before it returns, it checks what it was given and copies the
-/// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_decode_cancel ends
-/// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_decode_wait and
-/// nvsp_decoder_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
+/// packet; it does not wait. The first such call starts the thread. Until nvsp_decode_finish or nvsp_cancel ends
+/// the packet, other calls on the decoder fail with NVSP_ERR_UNFINISHED, except nvsp_wait and
+/// nvsp_destroy. A picture that nvsp_decode or nvsp_decode_finish had no room for is dropped by the next
 /// packet.
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no thread, or no copy of the packet). If the
-/// packet itself fails, nvsp_decode_finish returns its status.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY (no thread, or no copy of the packet), or, with keys, NVSP_ERR_FOREIGN
+/// or NVSP_ERR_REPLAYED. If the packet itself fails, nvsp_decode_finish returns its status.
 ///
 /// # Safety
-/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `packet`: the packet.
 /// - `size`: bytes of `packet`.
 /// - `flags`: NVSP_DECODE_START, or 0.
 #[unsafe(no_mangle)]
@@ -343,37 +396,20 @@ pub unsafe extern "C" fn nvsp_decode_begin(
     nvsp_decoder::call(decoder, |content| {
         // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
         let packet = unsafe { slice(packet, size, "packet")? };
-        let Decoding { core, queue } = &mut *content;
-        queue.begin(|work| fill(&*locked(core)?, work, packet, flags))?;
+        content.start(packet, flags, false)?;
         Ok(NVSP_OK)
     })
 }
 
-/// Tells whether the packet that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
-/// for that at most as long as you say.
-///
-/// Fails with NVSP_ERR_STATE if none was begun.
-///
-/// # Parameters
-/// - `milliseconds`: the longest to wait; 0 does not wait.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_decode_wait(
-    decoder: Option<&nvsp_decoder>,
-    milliseconds: u32,
-) -> nvsp_status {
-    let timeout = Duration::from_millis(milliseconds.into());
-    nvsp_decoder::call(decoder, |content| content.wait(timeout))
-}
-
-/// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room
-/// for. Returns NVSP_PENDING if the packet has not ended. Never waits.
+/// Fetches the picture of the packet that was begun, or the picture that nvsp_decode had no room for. Returns
+/// NVSP_PENDING if the packet has not ended.
 ///
 /// Fails with NVSP_ERR_STATE if there is none, and as nvsp_decode does. After NVSP_ERR_BUFFER_TOO_SMALL the picture is
 /// still there.
 ///
 /// # Parameters
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. NULL: not wanted.
-/// - `info`: receives what the packet yielded, set up by NVSP_INIT. NULL: not wanted.
+/// - `picture`: receives the picture. Its pixels are yours. NULL: not wanted.
+/// - `info`: receives what the packet yielded. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decode_finish(
     decoder: Option<&nvsp_decoder>,
@@ -382,27 +418,20 @@ pub extern "C" fn nvsp_decode_finish(
 ) -> nvsp_status {
     nvsp_decoder::call(decoder, |content| {
         let out = info.optional()?;
-        content.take(|decoded| fetch(decoded, picture, &out))
+        content.take(|decoded, keys| fetch(decoded, keys, picture, &out))
     })
-}
-
-/// Drops the packet that was begun, or a picture that was not fetched, as nvsp_encode_cancel does. Never waits: returns
-/// NVSP_OK if the decoder is free again, else NVSP_PENDING. A camera that the packet told is known afterwards.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_decode_cancel(decoder: Option<&nvsp_decoder>) -> nvsp_status {
-    nvsp_decoder::call(decoder, |content| Ok(done_or_pending(content.queue.cancel())))
 }
 
 /// Draws the prior at a pose, as the camera of the packet decoded last sees it: for frames of which nothing came, at a
 /// pose between those of frames that did (nvsp_pose_between). Waits for a lock of the device's queue, and for the
 /// device. Memory as for nvsp_decode: nothing from the second call on.
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_UNFINISHED, NVSP_ERR_STATE (no packet was decoded),
-/// NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_STATE (no packet was decoded), NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY,
+/// NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Parameters
-/// - `pose`: the pose, from world to camera. Read during the call. Not NULL.
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+/// - `pose`: the pose, from world to camera.
+/// - `picture`: receives the picture. Its pixels are yours.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_decoder_draw(
     decoder: Option<&nvsp_decoder>,
@@ -428,24 +457,18 @@ pub extern "C" fn nvsp_decoder_draw(
     })
 }
 
-/// Ends a decoder; NULL is allowed. Waits for a packet that was begun, at most as long as the watchdog allows.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_decoder_destroy(decoder: Option<Box<nvsp_decoder>>) {
-    nvsp_decoder::destroy(decoder)
-}
-
 /// Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
-/// prior and camera (36 in the paper's profile). Gives the pose only if the packet is about `prior`. A packet that does
-/// not state its prior counts as about `prior`. Allocates nothing; any thread may call it.
+/// prior and camera (36 in the paper's profile). Of a packet with a tag give what is behind it. Gives the pose only if
+/// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Any thread may call it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
 /// NVSP_ERR_NEWER.
 ///
 /// # Safety
-/// - `packet`: the packet, or its start. Read during the call. Not NULL.
+/// - `packet`: the packet, or its start.
 /// - `size`: bytes of it that are there, 64 or more if it has as many.
 /// - `prior`: a live prior. NULL: the pose is not wanted.
-/// - `header`: receives what the packet says, set up by NVSP_INIT. Not NULL.
+/// - `header`: receives what the packet says.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decode_header(
     packet: *const u8,
@@ -519,12 +542,8 @@ fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
 }
 
 /// Reads a packet and copies it to its slot.
-fn fill(core: &Core, work: &mut PacketWork, packet: &[u8], flags: u32) -> Result<(), Failure> {
-    work.trust = match flags {
-        0 => Trust::Whole,
-        NVSP_DECODE_START => Trust::Start,
-        _ => return Err(Failure::argument("flags")),
-    };
+fn fill(core: &Core, work: &mut PacketWork, packet: &[u8], trust: Trust) -> Result<(), Failure> {
+    work.trust = trust;
     // No packet of its size is longer than this; what follows it is padding.
     work.parsed = core.decoder.parse(packet);
     let size = work.parsed.as_ref().ok().and_then(|parsed| core.decoder.size_told(parsed));
@@ -540,6 +559,7 @@ fn fill(core: &Core, work: &mut PacketWork, packet: &[u8], flags: u32) -> Result
 /// Writes all of it, or nothing.
 fn fetch(
     decoded: &Decoded,
+    keys: Option<&Verifier>,
     picture: Out<nvsp_picture>,
     out: &Checked<nvsp_decoded>,
 ) -> Result<(), Failure> {
@@ -568,6 +588,7 @@ fn fetch(
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
         reference: decoded.reference.unwrap_or(0),
+        taken: keys.map_or(0, |keys| taken_of(keys.seen())[0]),
         ..zeroed()
     });
     Ok(())

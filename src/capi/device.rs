@@ -57,7 +57,7 @@ versioned!(nvsp_device_info, 680);
 ///
 /// # Parameters
 /// - `number`: the device's number, from 0.
-/// - `info`: receives the description, set up by NVSP_INIT. NULL: not wanted.
+/// - `info`: receives the description. NULL: not wanted.
 /// - `count`: receives how many devices there are. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_device_get_info(

@@ -9,13 +9,13 @@ use std::ptr::null_mut;
 use std::sync::Arc;
 
 use super::engine::nvsp_engine;
-use super::handle::Handle;
+use super::handle::{Content, Handle};
 use super::modifier::Modifier;
 use super::status::*;
 use super::structs::Place;
 
-/// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Any number of threads may use it at
-/// once. Example, for a frame of V4L2 in NV12, whose buffer VIDIOC_EXPBUF exported:
+/// A DMA-BUF that frames are read from; import each buffer of a camera's ring once. Example, for a frame of V4L2 in
+/// NV12, whose buffer VIDIOC_EXPBUF exported:
 ///
 /// ```c
 /// nvsp_dmabuf *buffer = NULL;
@@ -29,6 +29,8 @@ use super::structs::Place;
 /// image.strides[0] = image.strides[1] = stride;
 /// ```
 pub type nvsp_dmabuf = Handle<Arc<Mapping>>;
+
+impl Content for Arc<Mapping> {}
 
 /// A buffer in this process.
 pub(super) struct Mapping {
@@ -198,11 +200,11 @@ pub(super) unsafe fn planes<'a>(
 /// is the engine's.
 ///
 /// # Parameters
-/// - `engine`: a live engine, whose log and last error tell of failures. Not NULL.
+/// - `engine`: a live engine, whose log and last error tell of failures.
 /// - `fd`: a file descriptor of the DMA-BUF. You may close it after the call.
 /// - `modifier`: the DRM format modifier of its pixels: 0, which is DRM_FORMAT_MOD_LINEAR. V4L2 has no modifiers: its
 ///   formats without a name of their own for a layout are linear.
-/// - `dmabuf`: receives the buffer, which nvsp_dmabuf_destroy ends. Not NULL.
+/// - `dmabuf`: receives the buffer, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_dmabuf_import(
     engine: Option<&nvsp_engine>,
@@ -219,10 +221,4 @@ pub extern "C" fn nvsp_dmabuf_import(
         dmabuf.write(Handle::boxed(content, handle.log()));
         Ok(NVSP_OK)
     })
-}
-
-/// Ends a DMA-BUF; NULL is allowed. Its descriptor is closed and its memory unmapped.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_dmabuf_destroy(dmabuf: Option<Box<nvsp_dmabuf>>) {
-    nvsp_dmabuf::destroy(dmabuf)
 }

@@ -3,16 +3,18 @@
 use std::time::Duration;
 
 use crate::image::Converter;
-use crate::packet::PoseProfile;
-use crate::residual::{ResidualCoder, Tune};
-use crate::tracking::{Optimizer, StartKind, Stop};
-use crate::{Encoded, Encoder, EncoderOptions, Mode, Rate, Structure, packet_bound};
+use crate::keys::{Authenticator, Content, MAX_TAG_BYTES};
+use crate::residual::Tune;
+use crate::tracking::{StartKind, Stop};
+use crate::truth::BLOCK;
+use crate::{Encoded, Encoder, EncoderOptions, Mode, Rate, RenderChecks, Structure, packet_bound};
 
 use super::encoding::{Encoding, GivenFrame, nvsp_encoder};
 use super::engine::nvsp_engine;
 use super::frame::{self, nvsp_frame_info};
 use super::handle::Handle;
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
+use super::keys::{keys_of, nvsp_keys};
 use super::limits::Limits;
 use super::prior::nvsp_prior;
 use super::slices::Room;
@@ -30,28 +32,9 @@ pub const NVSP_RATE_PSNR: u32 = 3;
 /// No difference picture: the pose alone.
 pub const NVSP_RATE_NONE: u32 = 4;
 /// Bytes of a steady packet, for links: one that also states prior and camera, or has a check of the render, has as
-/// many more as these take, so that its difference picture is as fine. If these and the pose alone take more, the packet
-/// has them alone. 0 to 4,294,967,295.
+/// many more as these take, so that its difference picture is as fine. If these and the pose alone take more, the
+/// packet has them alone. 0 to 4,294,967,295.
 pub const NVSP_RATE_STEADY: u32 = 5;
-
-/// Gauss-Newton over an image pyramid: the fastest.
-pub const NVSP_OPTIMIZER_GAUSS_NEWTON: u32 = 0;
-/// BFGS at full resolution, the paper's.
-pub const NVSP_OPTIMIZER_BFGS: u32 = 1;
-/// Adam at full resolution.
-pub const NVSP_OPTIMIZER_ADAM: u32 = 2;
-/// Adam, then BFGS.
-pub const NVSP_OPTIMIZER_ADAM_BFGS: u32 = 3;
-
-/// The pose in 16 bytes.
-pub const NVSP_PROFILE_COMPACT: u32 = 0;
-/// The pose in 28 bytes, as in the paper.
-pub const NVSP_PROFILE_PAPER: u32 = 1;
-
-/// The wavelet coder codes the difference picture. It knows the prior's render.
-pub const NVSP_RESIDUAL_WAVELET: u32 = 0;
-/// WebP codes the difference picture, as in the paper.
-pub const NVSP_RESIDUAL_WEBP: u32 = 1;
 
 /// All squared errors count alike.
 pub const NVSP_TUNE_PSNR: u32 = 0;
@@ -61,24 +44,21 @@ pub const NVSP_TUNE_SSIM: u32 = 1;
 /// Errors count more in parts of the picture that the prior does not show. So a new thing shows first.
 pub const NVSP_TUNE_DETECTION: u32 = 2;
 
-/// Every frame is intra: a lost packet costs its own frame.
+/// For nvsp_encoder_options.mode. Every frame is intra: a lost packet costs its own frame.
 pub const NVSP_MODE_INTRA: u32 = 0;
-/// The difference pictures of frames are predicted from those of earlier ones, and take fewer bytes. A frame whose
-/// reference is missing is shown as the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE.
-pub const NVSP_MODE_STREAM: u32 = 1;
-
 /// A frame is predicted from the one before. Saves most; a lost packet spoils all frames up to the next key frame.
-pub const NVSP_STRUCTURE_CHAIN: u32 = 0;
+pub const NVSP_MODE_CHAIN: u32 = 1;
 /// Layers: every other frame is the reference of none, and every fourth of more. A lost packet spoils fewer frames.
-pub const NVSP_STRUCTURE_LAYERS: u32 = 1;
+pub const NVSP_MODE_LAYERS: u32 = 2;
 /// A frame is predicted from the last key frame. A lost packet costs its own frame, unless it is the key frame.
-pub const NVSP_STRUCTURE_KEYS: u32 = 2;
+pub const NVSP_MODE_KEYS: u32 = 3;
 /// A frame is predicted from the newest one that nvsp_encoder_acknowledge has told of. A lost packet costs its own
 /// frame.
-pub const NVSP_STRUCTURE_ACKNOWLEDGED: u32 = 3;
-
-/// For nvsp_encoder_options.key_every: no key frames after the first.
-pub const NVSP_KEY_ONCE: u32 = u32::MAX;
+pub const NVSP_MODE_ACKNOWLEDGED: u32 = 4;
+/// NVSP_KEY_ONCE.
+const KEY_ONCE: u32 = 0xFFFF_FF00;
+/// Bits of nvsp_encoder_options.mode below the key interval: see NVSP_KEY_EVERY.
+const KEY_SHIFT: u32 = 8;
 
 /// For nvsp_encoder_options.camera_interval: prior and camera are stated with the first frame only.
 pub const NVSP_CAMERA_ONCE: u32 = u32::MAX;
@@ -93,32 +73,20 @@ pub struct nvsp_encoder_options {
     pub rate: u32,
     /// The number that `rate` takes: quality, bytes or dB; 0 for NVSP_RATE_DEFAULT and NVSP_RATE_NONE, which take none.
     pub rate_value: f32,
-    /// NVSP_OPTIMIZER_*.
-    pub optimizer: u32,
-    /// NVSP_PROFILE_*.
-    pub profile: u32,
-    /// A mean squared error of colour values in [0, 1], without unit; 0: 1e-3, which is a PSNR of 30 dB. It says when a
-    /// pose is good enough to go on from. With NVSP_OPTIMIZER_GAUSS_NEWTON, the default, it counts only for views of
-    /// which the prior shows too little to compare pictures: a pose whose error is below it is kept, else the encoder
-    /// searches afresh. Leave it at 0 there. With the other optimizers a frame starts at the pose of the frame before
-    /// only if the error there is below it: 1e-3 suits a basin, 1e-2 real footage.
-    pub threshold: f32,
-    /// Levels of the image pyramid, 1 to 6; 0: 4.
-    pub levels: u32,
-    /// State prior and camera (29 bytes) again after this many frames, for a topside that missed them; 0: 64.
+    /// NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. They then take fewer bytes,
+    /// and the encoder about 327 more bytes of host memory per pixel. A frame whose reference is missing is shown as
+    /// the prior's render alone: nvsp_decoded.damage is then NVSP_ERR_REFERENCE. A key frame, which is intra, ends what
+    /// a loss has spoiled: say how often they come by NVSP_MODE_CHAIN | NVSP_KEY_EVERY(8), for example; else after
+    /// every 16 frames. If the device is not portable, all frames are intra.
+    pub mode: u32,
+    /// State prior and camera (29 bytes) again after this many frames, for a topside that missed them; 0: 64. Until the
+    /// topside has acknowledged a frame (nvsp_encoder_acknowledge), and always if the device is not portable, a check
+    /// of the render (6 bytes) comes with them. It tells the topside whether its render is the same.
     pub camera_interval: u32,
     /// Number of the first frame; packets carry it modulo 2^16.
     pub first_frame: u32,
-    /// Send a check of the prior's render (6 bytes) with the first frame, and again after this many
-    /// frames. It tells the topside whether its render is the same. 0: never.
-    pub check_interval: u32,
-    /// Most renders of the prior, of any size, that one frame takes beside its first search, the picture that is sent
-    /// included. The first search starts from the frame before, or from a hint if there is none. A step that would take
-    /// more is cut short or left out, and the next frames go on. A pose whose search was cut short is not certain. 0:
-    /// 96.
-    pub lost_renders: u32,
-    /// NVSP_RESIDUAL_*: the coder of the difference picture.
-    pub residual: u32,
+    /// How long a frame may be searched for: NVSP_BOUND_RENDERS(n) or NVSP_BOUND_MILLISECONDS(n). 0: 96 renders.
+    pub search_bound: u32,
     /// Not 0: images come already treated as nvsp_prior_info.white_balance and clahe_tiles say, so they are encoded as
     /// they are. 0: the encoder treats them, whatever their format, after it has brought them to the camera's size.
     pub frames_treated: u32,
@@ -126,33 +94,21 @@ pub struct nvsp_encoder_options {
     /// of a frame, another searches for the pose of the next. So more frames per second are encoded, and each packet is
     /// the same, byte for byte. Takes about twice the host memory. 0: one frame at a time.
     pub pipelined: u32,
-    /// NVSP_MODE_*: whether difference pictures are predicted from those of earlier frames. NVSP_MODE_STREAM takes the
-    /// wavelet coder, and about 327 more bytes of host memory per pixel. If the device is not portable, all frames are
-    /// intra.
-    pub mode: u32,
-    /// NVSP_STRUCTURE_*: the reference frame of others, with NVSP_MODE_STREAM.
-    pub structure: u32,
-    /// With NVSP_MODE_STREAM and any structure but NVSP_STRUCTURE_ACKNOWLEDGED: a key frame, which is intra, comes
-    /// after this many frames. What a loss has spoiled ends there. 0: 16; NVSP_KEY_ONCE: no more after the first.
-    pub key_every: u32,
     /// Not 0: packets tell the topside nothing of how far its picture is from what the camera saw. 0: they have a truth
-    /// map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With
-    /// NVSP_RESIDUAL_WEBP and with NVSP_RATE_NONE there is none.
+    /// map, of 8 % of the packet or its budget at most, or six bytes: see nvsp_decoder_get_truth. With NVSP_RATE_NONE
+    /// there is none.
     pub no_truth: u32,
     /// NVSP_TUNE_*: what counts when bits are given to one part of the difference picture and taken from another. The
-    /// topside needs not know. NVSP_RESIDUAL_WEBP does not look at it.
+    /// topside needs not know.
     pub tune: u32,
-    /// Most time that a frame takes, from its image to its packet, milliseconds, without scaling and conversion. Once
-    /// it is up, the best pose so far is drawn, coded and sent, and the search goes on in the next frames. What one
-    /// render and one coding take is measured when the encoder is made, which also has the driver compile; a time below
-    /// that fails with NVSP_ERR_ARGUMENT, and the text says what is needed. Only with NVSP_OPTIMIZER_GAUSS_NEWTON. With
-    /// it the same frames need not give the same packets; each decodes to the same picture everywhere. 0: a frame takes
-    /// as long as its search takes.
-    pub frame_time: f32,
+    /// Each packet gets a number and a tag by these keys. They take nvsp_keys.tag_bytes and 2 bytes of it; budgets
+    /// count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_sender divides the packets: it gets the
+    /// keys.
+    pub keys: In<nvsp_keys>,
 }
-versioned!(nvsp_encoder_options, 84);
+versioned!(nvsp_encoder_options, 56);
 
-/// The picture does not confirm the pose.
+/// The picture does not confirm the pose. The encoder looks for it again at every frame.
 pub const NVSP_FRAME_UNCERTAIN: u32 = 1;
 /// The rate was not kept: the budget holds no difference picture, or the best one does not reach
 /// the PSNR.
@@ -165,7 +121,7 @@ pub const NVSP_FRAME_UNDETERMINED: u32 = 8;
 /// confirmed (NVSP_FRAME_UNCERTAIN is not set) does not say where the camera is.
 pub const NVSP_FRAME_POSITION_KNOWN: u32 = 128;
 
-/// The frame's time ended its search: see nvsp_encoder_options.frame_time. The search goes on in the next frames.
+/// The frame's time ended its search: see NVSP_BOUND_MILLISECONDS. The search goes on in the next frames.
 pub const NVSP_FRAME_OUT_OF_TIME: u32 = 16;
 
 /// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
@@ -193,11 +149,6 @@ pub const NVSP_STOP_NO_DESCENT: u32 = 2;
 /// No iterations were left.
 pub const NVSP_STOP_ITERATIONS: u32 = 3;
 
-/// The picture confirms the pose.
-pub const NVSP_STATE_CERTAIN: u32 = 0;
-/// The pose is not certain. The encoder looks for it again at every frame.
-pub const NVSP_STATE_LOST: u32 = 1;
-
 /// What encoding a frame took and yielded.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -206,10 +157,12 @@ pub struct nvsp_frame_stats {
     pub abi_version: u32,
     /// Number of the frame.
     pub frame: u32,
-    /// Bytes of the packet.
+    /// Bytes of the packet, number and tag counted.
     pub bytes: u32,
     /// Bytes of its latent part, which makes a picture by itself.
     pub latent_bytes: u32,
+    /// Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
+    pub truth_bytes: u32,
     /// Renders of the prior at full resolution that the frame took.
     pub full_renders: u32,
     /// NVSP_START_*.
@@ -219,8 +172,6 @@ pub struct nvsp_frame_stats {
     /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_RATE_MISSED, NVSP_FRAME_UNDETERMINED, NVSP_FRAME_NOT_PORTABLE,
     /// NVSP_FRAME_POSITION_KNOWN and NVSP_FRAME_OUT_OF_TIME bits.
     pub flags: u32,
-    /// NVSP_STATE_*.
-    pub state: u32,
     /// PSNR of the prior's render against the frame, dB. If the prior has a preprocessing, the frame is the treated
     /// one, here and below: figures of priors of different preprocessing cannot be compared.
     pub render_psnr: f64,
@@ -250,26 +201,23 @@ pub struct nvsp_frame_stats {
     pub frames_since_certain: u32,
     /// How many frames before this one the frame came that its difference picture is predicted from; 0: it is intra.
     pub reference_distance: u32,
-    /// Bytes of the packet that its truth map takes; 0: it has none, or one that takes none.
-    pub truth_bytes: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// With keys: the number of the next packet. Else 0. See nvsp_keys.number.
+    pub next_number: u64,
 }
 versioned!(nvsp_frame_stats, 456);
 
 /// Makes an encoder for frames of `camera`. Allocates what every frame takes, on host and device. The first frame still
 /// allocates on the host what depends on its content and options, and has the driver compile; so encode one at the
-/// quay. With nvsp_encoder_options.frame_time the driver compiles here, and one render and one coding are measured.
+/// quay. With NVSP_BOUND_MILLISECONDS the driver compiles here, and one render and one coding are measured.
 /// Later frames allocate nothing, unless a view of the prior needs more room on the device than any before it.
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_CAMERA, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is
-/// the engine's.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; the text is the engine's.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
-/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all defaults.
-/// - `encoder`: receives the encoder, which nvsp_encoder_destroy ends. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
+/// - `camera`: size, focal lengths and principal point, pixels.
+/// - `options`: how; NULL: all defaults.
+/// - `encoder`: receives the encoder, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_create(
     engine: Option<&nvsp_engine>,
@@ -284,7 +232,10 @@ pub extern "C" fn nvsp_encoder_create(
         let camera = image::camera(camera)?;
         let options = options.read()?;
         let (pipelined, rate) = (options.pipelined != 0, options.rate);
-        let options = encoder_options(&options)?;
+        let keys = keys_of(options.keys)?;
+        let authenticator = keys.map(|keys| Authenticator::new(&keys, Content::Packet));
+        let overhead = authenticator.as_ref().map_or(0, Authenticator::overhead);
+        let options = encoder_options(&options, overhead)?;
         let stream = options.mode != Mode::Intra;
         let key_frames = scene.key_frames().poses().len();
         let limits = Limits { stream, key_frames, ..engine.how.limits };
@@ -294,45 +245,25 @@ pub extern "C" fn nvsp_encoder_create(
         let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
         set_rate(&mut made, rate, wanted);
         let converter = Converter::new(camera.width, camera.height)?;
-        let encoding = Encoding::new(made, converter, limits, pipelined, engine.how.threads);
+        let threads = engine.how.threads;
+        let encoding = Encoding::new(made, converter, limits, pipelined, authenticator, threads);
         encoder.write(Handle::boxed(encoding, handle.log()));
         Ok(NVSP_OK)
     })
 }
 
-fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Failure> {
+fn encoder_options(
+    options: &nvsp_encoder_options,
+    overhead: usize,
+) -> Result<EncoderOptions, Failure> {
     let mut made = EncoderOptions {
-        rate: rate(options.rate, options.rate_value, RATE)?,
+        rate: rate(options.rate, options.rate_value, overhead, RATE)?,
+        mode: mode(options.mode)?,
+        render_checks: RenderChecks::AsNeeded,
         first_frame: options.first_frame,
+        frames_treated: options.frames_treated != 0,
         truth: options.no_truth == 0,
         ..EncoderOptions::default()
-    };
-    made.refine.optimizer = match options.optimizer {
-        NVSP_OPTIMIZER_GAUSS_NEWTON => Optimizer::GaussNewton,
-        #[cfg(feature = "paper")]
-        NVSP_OPTIMIZER_BFGS => Optimizer::Bfgs,
-        #[cfg(feature = "paper")]
-        NVSP_OPTIMIZER_ADAM => Optimizer::Adam,
-        #[cfg(feature = "paper")]
-        NVSP_OPTIMIZER_ADAM_BFGS => Optimizer::AdamBfgs,
-        #[cfg(not(feature = "paper"))]
-        NVSP_OPTIMIZER_BFGS | NVSP_OPTIMIZER_ADAM | NVSP_OPTIMIZER_ADAM_BFGS => {
-            return Err(without_paper("nvsp_encoder_options.optimizer"));
-        }
-        _ => return Err(Failure::argument("nvsp_encoder_options.optimizer")),
-    };
-    made.profile = match options.profile {
-        NVSP_PROFILE_COMPACT => PoseProfile::Compact,
-        NVSP_PROFILE_PAPER => PoseProfile::Paper,
-        _ => return Err(Failure::argument("nvsp_encoder_options.profile")),
-    };
-    made.residual = match options.residual {
-        NVSP_RESIDUAL_WAVELET => ResidualCoder::Wavelet,
-        #[cfg(feature = "paper")]
-        NVSP_RESIDUAL_WEBP => ResidualCoder::Webp,
-        #[cfg(not(feature = "paper"))]
-        NVSP_RESIDUAL_WEBP => return Err(without_paper("nvsp_encoder_options.residual")),
-        _ => return Err(Failure::argument("nvsp_encoder_options.residual")),
     };
     made.tune = match options.tune {
         NVSP_TUNE_PSNR => Tune::Psnr,
@@ -340,75 +271,54 @@ fn encoder_options(options: &nvsp_encoder_options) -> Result<EncoderOptions, Fai
         NVSP_TUNE_DETECTION => Tune::Detection,
         _ => return Err(Failure::argument("nvsp_encoder_options.tune")),
     };
-    made.mode = mode(options)?;
-    match options.levels {
-        0 => {}
-        levels @ 1..=6 => made.factors = (0..levels).map(|level| 1 << level).collect(),
-        _ => return Err(Failure::argument("nvsp_encoder_options.levels")),
-    }
     match options.camera_interval {
         0 => {}
         NVSP_CAMERA_ONCE => made.camera_interval = 0,
         interval => made.camera_interval = interval,
     }
-    made.check_interval = options.check_interval;
-    made.frames_treated = options.frames_treated != 0;
-    if options.lost_renders > 0 {
-        made.refine.lost_renders = options.lost_renders;
-    }
-    made.frame_time = match options.frame_time {
-        0.0 => None,
-        time if time > 0.0 && time.is_finite() => {
-            Some(Duration::from_secs_f64(f64::from(time) / 1e3))
-        }
-        _ => return Err(Failure::argument("nvsp_encoder_options.frame_time")),
-    };
-    match options.threshold {
-        0.0 => {}
-        threshold if threshold > 0.0 && threshold.is_finite() => made.threshold = threshold.into(),
-        _ => return Err(Failure::argument("nvsp_encoder_options.threshold")),
+    match options.search_bound {
+        0 => {}
+        renders @ ..MILLISECONDS => made.refine.lost_renders = renders,
+        MILLISECONDS => return Err(Failure::argument("nvsp_encoder_options.search_bound")),
+        time => made.frame_time = Some(Duration::from_millis((time & !MILLISECONDS).into())),
     }
     Ok(made)
 }
 
-/// An option that only a library with the feature `paper` has.
-#[cfg(not(feature = "paper"))]
-fn without_paper(option: &'static str) -> Failure {
-    Failure::at(NVSP_ERR_UNSUPPORTED, option)
-}
+/// The bit of nvsp_encoder_options.search_bound by which it is a time: see NVSP_BOUND_MILLISECONDS.
+const MILLISECONDS: u32 = 1 << 31;
 
-fn mode(options: &nvsp_encoder_options) -> Result<Mode, Failure> {
-    let key_every = match options.key_every {
+fn mode(mode: u32) -> Result<Mode, Failure> {
+    let interval = mode >> KEY_SHIFT;
+    let key_every = match interval {
         0 => 16,
-        NVSP_KEY_ONCE => 0,
+        _ if mode >= KEY_ONCE => 0,
         frames => frames,
     };
-    let structure = match options.structure {
-        NVSP_STRUCTURE_CHAIN => Structure::Chain { key_every },
-        NVSP_STRUCTURE_LAYERS => Structure::Layers { key_every },
-        NVSP_STRUCTURE_KEYS => Structure::Keys { key_every },
-        NVSP_STRUCTURE_ACKNOWLEDGED => Structure::Acknowledged,
-        _ => return Err(Failure::argument("nvsp_encoder_options.structure")),
-    };
-    match options.mode {
-        NVSP_MODE_INTRA => Ok(Mode::Intra),
-        NVSP_MODE_STREAM if options.residual != NVSP_RESIDUAL_WAVELET => Err(Failure::argument(
-            "nvsp_encoder_options.mode: NVSP_MODE_STREAM takes the wavelet coder",
-        )),
-        NVSP_MODE_STREAM => Ok(Mode::Stream(structure)),
-        _ => Err(Failure::argument("nvsp_encoder_options.mode")),
-    }
+    Ok(match mode & !KEY_ONCE {
+        NVSP_MODE_CHAIN => Mode::Stream(Structure::Chain { key_every }),
+        NVSP_MODE_LAYERS => Mode::Stream(Structure::Layers { key_every }),
+        NVSP_MODE_KEYS => Mode::Stream(Structure::Keys { key_every }),
+        NVSP_MODE_INTRA if interval == 0 => Mode::Intra,
+        NVSP_MODE_ACKNOWLEDGED if interval == 0 => Mode::Stream(Structure::Acknowledged),
+        _ => return Err(Failure::argument("nvsp_encoder_options.mode")),
+    })
 }
 
-/// The rate that `mode` and `value` state; `fields` names both in errors.
-fn rate(mode: u32, value: f32, fields: [&'static str; 2]) -> Result<Option<Rate>, Failure> {
+/// The rate that `mode` and `value` state, without the bytes of a tag; `fields` names both in errors.
+fn rate(
+    mode: u32,
+    value: f32,
+    overhead: usize,
+    fields: [&'static str; 2],
+) -> Result<Option<Rate>, Failure> {
     let whole = 0.0..=u32::MAX as f32;
     match mode {
         NVSP_RATE_DEFAULT if value == 0.0 => Ok(EncoderOptions::default().rate),
         NVSP_RATE_NONE if value == 0.0 => Ok(None),
         NVSP_RATE_QUALITY if (0.0..=100.0).contains(&value) => Ok(Some(Rate::Quality(value))),
         NVSP_RATE_BYTES | NVSP_RATE_STEADY if whole.contains(&value) => {
-            Ok(Some(Rate::Bytes(value as usize)))
+            Ok(Some(Rate::Bytes((value as usize).saturating_sub(overhead))))
         }
         NVSP_RATE_PSNR if value > 0.0 && value <= 100.0 => Ok(Some(Rate::Psnr(value.into()))),
         ..=NVSP_RATE_STEADY => Err(Failure::argument(fields[1])),
@@ -437,7 +347,8 @@ pub extern "C" fn nvsp_encoder_set_rate(
     value: f32,
 ) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
-        let rate = rate(mode, value, ["mode", "value: out of the range of `mode`, or not 0"])?;
+        let fields = ["mode", "value: out of the range of `mode`, or not 0"];
+        let rate = rate(mode, value, content.overhead(), fields)?;
         set_rate(&mut content.core()?.encoder, mode, rate);
         Ok(NVSP_OK)
     })
@@ -461,10 +372,8 @@ pub extern "C" fn nvsp_encoder_announce(encoder: Option<&nvsp_encoder>) -> nvsp_
 }
 
 /// Tells the encoder that the topside has decoded a frame in full: nvsp_decoded.flags had NVSP_DECODED_KEPT. With
-/// NVSP_STRUCTURE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
+/// NVSP_MODE_ACKNOWLEDGED later frames are predicted from it; else nothing changes. Nor does anything if the frame
 /// is unknown or too old: the last 32 can be reference frames.
-///
-/// Fails with NVSP_ERR_UNFINISHED (a frame is under way: tell it before the next begins).
 ///
 /// # Parameters
 /// - `frame`: nvsp_decoded.frame.
@@ -479,30 +388,14 @@ pub extern "C" fn nvsp_encoder_acknowledge(
     })
 }
 
-/// Leaves out so many camera frames: the next one's number is as much greater. If numbers count all frames of the
-/// camera, the topside knows which were left out, and can draw them at poses between those that it has
-/// (nvsp_decoder_draw).
-///
-/// Fails with NVSP_ERR_UNFINISHED (a frame is under way).
-///
-/// # Parameters
-/// - `frames`: their number.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_encoder_skip(encoder: Option<&nvsp_encoder>, frames: u32) -> nvsp_status {
-    nvsp_encoder::call(encoder, |content| {
-        content.core()?.encoder.skip(frames);
-        Ok(NVSP_OK)
-    })
-}
-
 /// Sets another camera, or another size, for all frames from here on; the next packet carries it. Lens and mask stay.
 /// Allocates as nvsp_encoder_create and nvsp_encoder_set_lens do. If it fails, the old camera stays.
 ///
-/// Fails with NVSP_ERR_CAMERA, NVSP_ERR_ARGUMENT (lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+/// Fails with NVSP_ERR_ARGUMENT (the camera, or lens or mask do not fit it), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 /// NVSP_ERR_DEVICE_LOST.
 ///
 /// # Parameters
-/// - `camera`: size, focal lengths and principal point, pixels. Read during the call. Not NULL.
+/// - `camera`: size, focal lengths and principal point, pixels.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_set_camera(
     encoder: Option<&nvsp_encoder>,
@@ -519,7 +412,7 @@ pub extern "C" fn nvsp_encoder_set_camera(
 
 /// Renders up to `most` of the prior's key frames that are not rendered yet, and waits for them. With them the encoder
 /// finds a camera that it has lost. Without this call they are rendered while a frame is lost, as many as
-/// nvsp_encoder_options.lost_renders allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
+/// nvsp_encoder_options.search_bound allows. After nvsp_encoder_set_camera or nvsp_encoder_reopen they are rendered
 /// again.
 ///
 /// Fails with NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
@@ -549,7 +442,7 @@ pub extern "C" fn nvsp_encoder_prepare(
 /// Fails with NVSP_ERR_OTHER_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Parameters
-/// - `prior`: a live prior that was opened with `engine`. Not NULL.
+/// - `prior`: a live prior that was opened with `engine`.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_reopen(
     encoder: Option<&nvsp_encoder>,
@@ -577,16 +470,28 @@ pub extern "C" fn nvsp_encoder_reset(encoder: Option<&nvsp_encoder>) -> nvsp_sta
     })
 }
 
-/// The largest packet that a camera of this size can yield, in either profile and with the camera,
-/// bytes; 0 if no camera can have this size. With NVSP_RATE_BYTES a buffer of the budget's size is
-/// enough too.
+/// For nvsp_size_bound: a packet, with number and tag by any keys. With NVSP_RATE_BYTES the budget's size is enough,
+/// too.
+pub const NVSP_SIZE_PACKET: u32 = 0;
+/// A truth map: a byte for each block.
+pub const NVSP_SIZE_TRUTH: u32 = 1;
+
+/// Tells how many bytes always suffice for a packet or a truth map of a picture of this size; 0 if no camera can have
+/// it.
 ///
 /// # Parameters
+/// - `of`: NVSP_SIZE_*.
 /// - `width`, `height`: the camera's size, pixels.
 #[unsafe(no_mangle)]
-pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
+pub extern "C" fn nvsp_size_bound(of: u32, width: u32, height: u32) -> usize {
+    const KEYS: usize = 2 + MAX_TAG_BYTES;
     let sides = 1..=crate::Camera::MAX_SIDE;
-    if sides.contains(&width) && sides.contains(&height) { packet_bound(width, height) } else { 0 }
+    match of {
+        _ if !sides.contains(&width) || !sides.contains(&height) => 0,
+        NVSP_SIZE_PACKET => packet_bound(width, height) + KEYS,
+        NVSP_SIZE_TRUTH => width.div_ceil(BLOCK) as usize * height.div_ceil(BLOCK) as usize,
+        _ => 0,
+    }
 }
 
 /// Encodes a frame into `packet`. First the frame is treated as the prior's preprocessing says, unless
@@ -604,13 +509,12 @@ pub extern "C" fn nvsp_packet_bound(width: u32, height: u32) -> usize {
 /// nvsp_encode_finish fetches it.
 ///
 /// # Safety
-/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
-/// - `info`: what is known of the frame, set up by NVSP_INIT. The structure and what it points to are read during the
-///   call. NULL: nothing is known.
-/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+/// - `image`: the frame.
+/// - `info`: what is known of the frame. NULL: nothing is known.
+/// - `packet`: receives the packet.
+/// - `size`: bytes of `packet`; nvsp_size_bound always suffices.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+/// - `stats`: receives what the frame took. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode(
     encoder: Option<&nvsp_encoder>,
@@ -627,7 +531,7 @@ pub unsafe extern "C" fn nvsp_encode(
         let stats = stats.optional()?;
         // SAFETY: the planes are the image's during this call, see `# Safety`.
         content.run(&unsafe { given(image, info)? })?;
-        content.take(|encoded| write(encoded, room, &stats))
+        content.take(|encoded, keys| write(encoded, keys, room, &stats))
     })
 }
 
@@ -637,13 +541,13 @@ pub unsafe extern "C" fn nvsp_encode(
 /// thread's work. The call neither waits for the device nor allocates, except for the thread. Afterwards the image is
 /// yours again.
 ///
-/// Until nvsp_encode_finish or nvsp_encode_cancel ends the frame, other calls on the encoder fail with
-/// NVSP_ERR_UNFINISHED, except nvsp_encode_wait and nvsp_encoder_destroy. So no packet is dropped unless you say so.
+/// Until nvsp_encode_finish or nvsp_cancel ends the frame, other calls on the encoder fail with
+/// NVSP_ERR_UNFINISHED, except nvsp_wait and nvsp_destroy. So no packet is dropped unless you say so.
 /// Only a packet that nvsp_encode or nvsp_encode_finish had no room for is dropped by the next frame.
 ///
 /// With nvsp_encoder_options.pipelined a second frame may be begun at any time while one is under way or not fetched.
 /// No packet is dropped then: a third frame fails with NVSP_ERR_UNFINISHED. Frames end in the order in which they were
-/// begun; nvsp_encode_wait and nvsp_encode_finish are about the first. Other calls may be made while no frame is
+/// begun; nvsp_wait and nvsp_encode_finish are about the first. Other calls may be made while no frame is
 /// searched for, and are about the frames begun later; nvsp_encoder_get_picture is about the frame finished last. If
 /// coding a frame fails, it counts as one whose packet was lost on the way. Host memory is taken up to the third frame.
 /// Example, which is always one packet behind:
@@ -652,18 +556,18 @@ pub unsafe extern "C" fn nvsp_encode(
 /// while (next_image(&image)) {
 ///     status = nvsp_encode_begin(encoder, &image, NULL); /* the first with a hint in place of NULL */
 ///     if (status == NVSP_OK && ++begun == 2) {
-///         while (nvsp_encode_wait(encoder, 20) == NVSP_PENDING) steer();
+///         while (nvsp_wait(encoder, 20) == NVSP_PENDING) steer();
 ///         status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 ///         begun--;
 ///     }
 /// }
 /// ```
 ///
-/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED, NVSP_ERR_UNFINISHED or NVSP_ERR_MEMORY (no
-/// thread). If the frame itself fails, nvsp_encode_finish returns its status.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED or NVSP_ERR_MEMORY (no thread). If the frame
+/// itself fails, nvsp_encode_finish returns its status.
 ///
 /// # Safety
-/// - `image`: the frame. Its structure and planes are read during the call. Not NULL.
+/// - `image`: the frame.
 /// - `info`: as for nvsp_encode.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_begin(
@@ -678,33 +582,17 @@ pub unsafe extern "C" fn nvsp_encode_begin(
     })
 }
 
-/// Tells whether the frame that was begun has ended, with success or not: NVSP_OK if it has, else NVSP_PENDING. Waits
-/// for that at most as long as you say.
-///
-/// Fails with NVSP_ERR_STATE if none was begun.
-///
-/// # Parameters
-/// - `milliseconds`: the longest to wait; 0 does not wait.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_encode_wait(
-    encoder: Option<&nvsp_encoder>,
-    milliseconds: u32,
-) -> nvsp_status {
-    let timeout = Duration::from_millis(milliseconds.into());
-    nvsp_encoder::call(encoder, |content| content.wait(timeout))
-}
-
 /// Fetches the packet of the frame that was begun, or the packet that nvsp_encode had no room for. Returns NVSP_PENDING
-/// if the frame has not ended. Never waits.
+/// if the frame has not ended.
 ///
 /// Fails with NVSP_ERR_STATE if there is none, and as nvsp_encode does. After NVSP_ERR_BUFFER_TOO_SMALL the packet is
 /// still there.
 ///
 /// # Safety
-/// - `packet`: receives the packet. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `packet`; nvsp_packet_bound always suffices.
-/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
-/// - `stats`: receives what the frame took, set up by NVSP_INIT. NULL: not wanted.
+/// - `packet`: receives the packet.
+/// - `size`: bytes of `packet`; nvsp_size_bound always suffices.
+/// - `written`: receives the packet's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+/// - `stats`: receives what the frame took. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encode_finish(
     encoder: Option<&nvsp_encoder>,
@@ -717,20 +605,8 @@ pub unsafe extern "C" fn nvsp_encode_finish(
         // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
         let room = unsafe { Room::new(packet, size, written, "packet")? };
         let stats = stats.optional()?;
-        content.take(|encoded| write(encoded, room, &stats))
+        content.take(|encoded, keys| write(encoded, keys, room, &stats))
     })
-}
-
-/// Drops the frame that was begun, or a packet that was not fetched; both, if two are under way. Never waits: returns
-/// NVSP_OK if the encoder is free again, else NVSP_PENDING. The search then ends with what the device is at, a few
-/// renders, at most as long as the watchdog allows; a coding that has begun goes on to its end. Until then, other calls
-/// fail with
-/// NVSP_ERR_UNFINISHED. Call this again, or nvsp_encode_wait, which then returns NVSP_ERR_STATE. A dropped
-/// frame counts as one whose packet was lost. Its number is used up. The next search may start at its pose. The next
-/// packet names prior and camera in full. Returns NVSP_OK, too, if nothing was begun.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_encode_cancel(encoder: Option<&nvsp_encoder>) -> nvsp_status {
-    nvsp_encoder::call(encoder, |content| Ok(content.cancel()))
 }
 
 /// What the topside will show of the last frame.
@@ -744,7 +620,7 @@ pub const NVSP_PICTURE_RENDER: u32 = 1;
 ///
 /// # Parameters
 /// - `which`: NVSP_PICTURE_*.
-/// - `picture`: receives the picture, set up by NVSP_INIT. Its pixels are yours. Not NULL.
+/// - `picture`: receives the picture. Its pixels are yours.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_get_picture(
     encoder: Option<&nvsp_encoder>,
@@ -763,12 +639,6 @@ pub extern "C" fn nvsp_encoder_get_picture(
     })
 }
 
-/// Ends an encoder; NULL is allowed. Waits for a frame that was begun, at most as long as the watchdog allows.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_encoder_destroy(encoder: Option<Box<nvsp_encoder>>) {
-    nvsp_encoder::destroy(encoder)
-}
-
 /// Reads what a caller hands over of a frame.
 ///
 /// # Safety
@@ -782,21 +652,28 @@ unsafe fn given<'a>(
     Ok(GivenFrame { image, _readings, known: frame::known(info)? })
 }
 
-/// Writes all of a packet and its figures, or nothing.
+/// Writes all of a packet and its figures, or nothing. A packet that does not fit uses no number.
 fn write(
     encoded: &Encoded,
+    mut keys: Option<&mut Authenticator>,
     mut room: Room,
     place: &Checked<nvsp_frame_stats>,
 ) -> Result<(), Failure> {
     let Encoded { packet, stats, pose, .. } = encoded;
-    room.write(packet)?;
+    let overhead = keys.as_ref().map_or(0, |keys| keys.overhead());
+    room.fill(overhead + packet.len(), |into| {
+        into[overhead..].copy_from_slice(packet);
+        if let Some(keys) = &mut keys {
+            keys.seal(0, into);
+        }
+    })?;
     let loose = stats.observability.undetermined().next().is_some();
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     let mut covariance = [0.0; 36];
     covariance.copy_from_slice(stats.covariance.as_flattened());
     place.write(&nvsp_frame_stats {
         frame: stats.frame,
-        bytes: stats.bytes as u32,
+        bytes: (overhead + stats.bytes) as u32,
         latent_bytes: stats.latent_bytes as u32,
         full_renders: stats.full_renders,
         start: match stats.start {
@@ -818,7 +695,6 @@ fn write(
             | flag(stats.known.is_some(), NVSP_FRAME_POSITION_KNOWN)
             | flag(stats.out_of_time, NVSP_FRAME_OUT_OF_TIME)
             | flag(!stats.portable, NVSP_FRAME_NOT_PORTABLE),
-        state: if stats.certain { NVSP_STATE_CERTAIN } else { NVSP_STATE_LOST },
         render_psnr: stats.render_psnr,
         psnr: stats.psnr,
         milliseconds: stats.milliseconds,
@@ -832,6 +708,7 @@ fn write(
             .reference
             .map_or(0, |reference| stats.frame.wrapping_sub(reference)),
         truth_bytes: stats.truth_bytes as u32,
+        next_number: keys.map_or(0, |keys| keys.next_number()),
         ..zeroed()
     });
     Ok(())

@@ -6,22 +6,23 @@ use std::time::Duration;
 use crate::frame_work::{Coder, FrameWork};
 use crate::geometry::Lens;
 use crate::image::{Converter, ImageView, Mask};
+use crate::keys::Authenticator;
 use crate::queue::{Interrupt, Lost, Queue, Worker};
-use crate::{Camera, Encoded, Encoder, Error, FrameInfo, vulkan};
+use crate::{Camera, Encoded, Encoder, Error, vulkan};
 
 use super::dmabuf::Readings;
-use super::frame::refused;
-use super::handle::{Handle, locked};
+use super::frame::{Known, refused};
+use super::handle::{Content, Handle, locked};
 use super::limits::Limits;
 use super::memory::Grant;
 use super::status::*;
 use super::thread::{ThreadStart, spawner};
 
-/// Encodes the frames of one camera, in order. One thread at a time may use it. Example, which never waits for a frame:
+/// Encodes the frames of one camera, in order. Example, which never waits for a frame:
 ///
 /// ```c
 /// if (nvsp_encode_begin(encoder, &image, &info) != NVSP_OK) return;
-/// while (nvsp_encode_wait(encoder, 0) == NVSP_PENDING) steer();
+/// while (nvsp_wait(encoder, 0) == NVSP_PENDING) steer();
 /// status = nvsp_encode_finish(encoder, packet, sizeof packet, &bytes, &stats);
 /// ```
 pub type nvsp_encoder = Handle<Encoding>;
@@ -43,7 +44,7 @@ pub(super) struct GivenFrame<'a> {
     pub image: ImageView<'a>,
     /// Keeps the planes readable that lie in DMA-BUFs.
     pub _readings: Readings,
-    pub known: FrameInfo,
+    pub known: Known,
 }
 
 /// An encoder with its frames under way: one, or two.
@@ -52,6 +53,8 @@ pub(super) struct Encoding {
     converter: Arc<Mutex<Converter>>,
     queue: Queue<FrameWork, Failure>,
     interrupt: Interrupt,
+    /// What makes the tags of packets; `None`: they get none.
+    authenticator: Option<Authenticator>,
     /// Packets that told the camera.
     lost: Lost,
     /// Whether two frames may be under way.
@@ -69,6 +72,7 @@ impl Encoding {
         converter: Converter,
         limits: Limits,
         two: bool,
+        authenticator: Option<Authenticator>,
         start: ThreadStart,
     ) -> Encoding {
         let camera = *encoder.camera();
@@ -96,6 +100,7 @@ impl Encoding {
             converter,
             queue,
             interrupt,
+            authenticator,
             lost,
             two,
             last: Encoded::with_room(width, height),
@@ -133,41 +138,40 @@ impl Encoding {
     }
 
     /// Checks what is known of a frame. While another is searched for, what depends on that one is left to the search.
-    fn check_known(&self, known: &FrameInfo) -> Result<(), Failure> {
+    fn check_known(&self, known: &Known) -> Result<(), Failure> {
         let checked = match self.core() {
-            Ok(core) => core.encoder.check_info(known),
-            Err(_) => known.check(0, None),
+            Ok(core) => core.encoder.check_info(&known.frame),
+            Err(_) => known.frame.check(0, None),
         };
         checked.map_err(refused)
     }
 
-    /// Tells whether there is a result to take. Waits for it, at most `timeout`.
-    pub(super) fn wait(&self, timeout: Duration) -> Result<nvsp_status, Failure> {
-        Ok(done_or_pending(self.queue.wait(timeout)?))
+    /// Bytes of a packet that its number and its tag take.
+    pub(super) fn overhead(&self) -> usize {
+        self.authenticator.as_ref().map_or(0, Authenticator::overhead)
     }
 
     /// Takes the first result: the frame's error, or what `fetch` makes of it. If `fetch` fails, the result stays.
     pub(super) fn take(
         &mut self,
-        fetch: impl FnOnce(&Encoded) -> Result<(), Failure>,
+        fetch: impl FnOnce(&Encoded, Option<&mut Authenticator>) -> Result<(), Failure>,
     ) -> Result<nvsp_status, Failure> {
+        let overhead = self.overhead();
         let (last, full) = (&mut self.last, &mut self.full);
         let taken = self.queue.take(|work| {
-            fetch(&work.encoded)?;
+            fetch(&work.encoded, self.authenticator.as_mut())?;
             std::mem::swap(last, &mut work.encoded);
             *full = true;
             Ok(())
-        })?;
-        Ok(done_or_pending(taken))
-    }
-
-    /// Drops what was begun, and has its search end. Tells whether it has ended.
-    pub(super) fn cancel(&mut self) -> nvsp_status {
-        let ended = self.queue.cancel();
-        if !ended {
-            self.interrupt.set();
+        });
+        match taken {
+            // As the caller counts, to whom the tag is a part of the packet.
+            Err(Failure::Library(Error::Budget { budget, needed })) => {
+                let (budget, needed) = (budget + overhead, needed + overhead);
+                Err(Error::Budget { budget, needed }.into())
+            }
+            taken => Ok(done_or_pending(taken?)),
         }
-        done_or_pending(ended)
     }
 
     /// The frame finished last.
@@ -179,12 +183,27 @@ impl Encoding {
     }
 }
 
+impl Content for Encoding {
+    fn wait(&mut self, timeout: Duration) -> Result<nvsp_status, Failure> {
+        Ok(done_or_pending(self.queue.wait(timeout)?))
+    }
+
+    fn cancel(&mut self) -> Result<nvsp_status, Failure> {
+        let ended = self.queue.cancel();
+        if !ended {
+            // A search that is under way ends.
+            self.interrupt.set();
+        }
+        Ok(done_or_pending(ended))
+    }
+}
+
 impl GivenFrame<'_> {
     /// Converts the image to a slot, and hands over what is known of it.
     fn fill(&self, converter: &Mutex<Converter>, work: &mut FrameWork) -> Result<(), Failure> {
         let mut converter = converter.lock().unwrap_or_else(PoisonError::into_inner);
         converter.convert(&self.image, &mut work.frame)?;
-        work.info = self.known;
+        (work.info, work.left_out) = (self.known.frame, self.known.left_out);
         Ok(())
     }
 }
@@ -197,8 +216,7 @@ fn encode(core: &Arc<Mutex<Core>>, lost: &Lost) -> Worker<FrameWork, Failure> {
         core.announce_if(&lost);
         let _memory = core.memory()?;
         core.encoder.check_info(&work.info).map_err(refused)?;
-        let encoded = core.encoder.encode_filled(work);
-        core.note_interrupted(encoded)?;
+        core.number(work, Encoder::encode_filled)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
     })
@@ -217,8 +235,7 @@ fn search_and_code(
         core.announce_if(&lost);
         let _memory = core.memory()?;
         core.encoder.check_info(&work.info).map_err(refused)?;
-        let tracked = core.encoder.track_filled(work);
-        core.note_interrupted(tracked)?;
+        core.number(work, Encoder::track_filled)?;
         core.cold = core.cold.saturating_sub(1);
         Ok(())
     };
@@ -244,10 +261,20 @@ impl Core {
         }
     }
 
-    /// The number of a frame that was cancelled is used up.
-    fn note_interrupted(&mut self, done: Result<(), Error>) -> Result<(), Error> {
-        if let Err(Error::Vulkan(vulkan::Error::Interrupted)) = done {
-            self.encoder.skip(1);
+    /// Does a frame's work by the number that it has with the frames left out before it.
+    fn number(
+        &mut self,
+        work: &mut FrameWork,
+        encode: impl FnOnce(&mut Encoder, &mut FrameWork) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        self.encoder.skip(work.left_out);
+        let done = encode(&mut self.encoder, work);
+        match done {
+            Ok(()) => {}
+            // The number of a frame that was cancelled is used up.
+            Err(Error::Vulkan(vulkan::Error::Interrupted)) => self.encoder.skip(1),
+            // Another frame that fails is none.
+            Err(_) => self.encoder.skip(work.left_out.wrapping_neg()),
         }
         done
     }

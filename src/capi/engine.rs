@@ -6,7 +6,7 @@ use std::time::Duration;
 use crate::Engine;
 use crate::vulkan::DeviceOptions;
 
-use super::handle::Handle;
+use super::handle::{Content, Handle};
 use super::limits::{Limits, engine_bytes};
 use super::log::{Log, NVSP_LOG_INFO, NVSP_LOG_WARNING, nvsp_log_callback};
 use super::memory::Grant;
@@ -16,7 +16,7 @@ use super::structs::{In, Out, Place, User, versioned, zeroed};
 use super::thread::{ThreadStart, nvsp_thread_callback};
 use super::vulkan::{given, nvsp_vulkan};
 
-/// An opened Vulkan device with all pipelines built. Any number of threads may use it at once. Example:
+/// An opened Vulkan device with all pipelines built. Example:
 ///
 /// ```c
 /// nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
@@ -60,6 +60,9 @@ pub const NVSP_WATCHDOG_NONE: u32 = u32::MAX;
 /// The watchdog's time by default, milliseconds. A CPU driver may take seconds to compile what a frame needs first.
 const WATCHDOG: u64 = 60_000;
 
+/// What keeps the log of an engine that is not there yet.
+impl Content for () {}
+
 /// How to open an engine; all zero: the best device, nothing logged.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -76,14 +79,14 @@ pub struct nvsp_engine_options {
     pub log_user: *mut c_void,
     /// NVSP_ENGINE_* bits.
     pub flags: u32,
-    /// Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_LIMIT, and
-    /// take no memory for them. 0: 16,777,216, which is 4096 by 4096.
+    /// Most pixels of a picture, width times height. Encoders and decoders refuse larger ones with NVSP_ERR_MEMORY, and
+    /// take none for them. 0: 16,777,216, which is 4096 by 4096.
     pub frame_size_limit: u32,
     /// Most bytes of host memory that opening a prior, an encoder or a decoder may take. A call that may need more
     /// fails with NVSP_ERR_MEMORY before it takes any. 0: no limit.
     pub host_memory_limit: u64,
-    /// Most bytes of device memory that everything made with the engine may use together. A call that needs more fails
-    /// with NVSP_ERR_MEMORY. 0: no limit.
+    /// Most bytes of device memory that everything made with the engine may take from the driver together. A call that
+    /// needs more fails with NVSP_ERR_MEMORY. 0: no limit; then memory is taken in blocks of 64 MiB and more.
     pub device_memory_limit: u64,
     /// Called on each thread that the library starts: one per encoder and one per decoder, by its first
     /// nvsp_encode_begin or nvsp_decode_begin. NULL: nothing is called.
@@ -132,9 +135,8 @@ versioned!(nvsp_engine_info, 288);
 /// NVSP_ERR_NO_DEVICE, NVSP_ERR_MEMORY or NVSP_ERR_VULKAN.
 ///
 /// # Parameters
-/// - `options`: set up by NVSP_INIT. Read during the call. `log` and `log_user` are used as long as anything made with
-///   the engine lives. NULL: all defaults.
-/// - `engine`: receives the engine, which nvsp_engine_destroy ends. Not NULL.
+/// - `options`: `log` and `log_user` are used as long as anything made with the engine lives. NULL: all defaults.
+/// - `engine`: receives the engine, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_engine_create(
     options: In<nvsp_engine_options>,
@@ -235,7 +237,7 @@ pub extern "C" fn nvsp_engine_reopen(engine: Option<&nvsp_engine>) -> nvsp_statu
 /// Describes the engine's device and its memory. Allocates.
 ///
 /// # Parameters
-/// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+/// - `info`: receives the description.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_engine_get_info(
     engine: Option<&nvsp_engine>,
@@ -263,9 +265,9 @@ pub extern "C" fn nvsp_engine_get_info(
 /// Fails with NVSP_ERR_BUFFER_TOO_SMALL, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST.
 ///
 /// # Safety
-/// - `bytes`: receives the data. Yours, of `size` bytes. NULL only if `size` is 0.
+/// - `bytes`: receives the data. NULL only if `size` is 0.
 /// - `size`: bytes of `bytes`.
-/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+/// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_engine_get_pipeline_cache(
     engine: Option<&nvsp_engine>,
@@ -285,15 +287,10 @@ pub unsafe extern "C" fn nvsp_engine_get_pipeline_cache(
 /// Bytes that a copy of the pipeline cache may take.
 const CACHE: u64 = 32 << 20;
 
-/// Ends an engine; NULL is allowed. Priors, encoders and decoders made with it go on to work. The device is closed when
-/// the last of them is gone, unless you gave it.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_engine_destroy(engine: Option<Box<nvsp_engine>>) {
-    let _ = nvsp_engine::share(engine.as_deref(), |handle, content| {
-        log_validation(handle, &content.engine);
-        Ok(NVSP_OK)
-    });
-    nvsp_engine::destroy(engine);
+impl Content for EngineContent {
+    fn ends(handle: &nvsp_engine) {
+        log_validation(handle, &handle.get().engine);
+    }
 }
 
 fn log_validation(handle: &Handle<EngineContent>, engine: &Engine) {

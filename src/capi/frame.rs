@@ -31,27 +31,33 @@ pub struct nvsp_frame_info {
     pub time: f64,
     /// NVSP_GIVEN_TIME, or 0.
     pub given: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// Camera frames that were left out before this one: its number is as much greater. If numbers count all frames of
+    /// the camera, the topside knows which it lacks, and can draw them at poses between (nvsp_decoder_draw).
+    pub left_out: u32,
 }
 versioned!(nvsp_frame_info, 48);
 
+/// What a caller states of a frame.
+pub(super) struct Known {
+    pub frame: FrameInfo,
+    /// Camera frames left out before it.
+    pub left_out: u32,
+}
+
 /// Reads what a caller states of a frame. Checks its fields as far as that needs no encoder.
-pub(super) fn known(info: In<nvsp_frame_info>) -> Result<FrameInfo, Failure> {
+pub(super) fn known(info: In<nvsp_frame_info>) -> Result<Known, Failure> {
     let info = info.read()?;
     let hint = hint(&info)?;
     if info.given & !NVSP_GIVEN_TIME != 0 {
         return Err(Failure::argument("nvsp_frame_info.given: unknown bits"));
-    }
-    if info.reserved != 0 {
-        return Err(Failure::argument("nvsp_frame_info.reserved: not zero"));
     }
     let timed = info.given & NVSP_GIVEN_TIME != 0;
     if !timed && info.time != 0.0 {
         let what = "nvsp_frame_info.time: stated, but NVSP_GIVEN_TIME is not in `given`";
         return Err(Failure::argument(what));
     }
-    Ok(FrameInfo { hint, time: timed.then_some(info.time) })
+    let (frame, left_out) = (FrameInfo { hint, time: timed.then_some(info.time) }, info.left_out);
+    Ok(Known { frame, left_out })
 }
 
 const NO_POSE: &str = "nvsp_frame_info.hint: no rigid motion";

@@ -4,6 +4,7 @@ use std::ffi::{c_char, c_void};
 use std::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Duration;
 
 use crate::queue::QueueError;
 
@@ -15,9 +16,68 @@ use super::status::*;
 /// more than NULL.
 #[repr(C)]
 pub struct Handle<T> {
-    /// First, where [`nvsp_last_error`] finds them whatever the content is.
-    failures: Failures,
+    /// First, where functions find it that take any handle.
+    head: Head,
     content: Mutex<T>,
+}
+
+/// What handles of all kinds begin with.
+struct Head {
+    failures: Failures,
+    /// A pointer to this handle as what it is.
+    known: fn(*mut c_void) -> *mut dyn AnyHandle,
+}
+
+/// What can be done with a handle of any kind.
+trait AnyHandle {
+    fn failures(&self) -> &Failures;
+    fn wait(&self, timeout: Duration) -> nvsp_status;
+    fn cancel(&self) -> nvsp_status;
+    fn end(self: Box<Self>);
+}
+
+/// What a handle may hold.
+pub(super) trait Content: Sized + 'static {
+    /// See [`nvsp_wait`].
+    fn wait(&mut self, _: Duration) -> Result<nvsp_status, Failure> {
+        Err(Failure::argument("handle: no encoder, no decoder"))
+    }
+
+    /// See [`nvsp_cancel`].
+    fn cancel(&mut self) -> Result<nvsp_status, Failure> {
+        Err(Failure::argument("handle: no encoder, no decoder"))
+    }
+
+    /// Called before the handle ends.
+    fn ends(_: &Handle<Self>) {}
+}
+
+impl<T: Content> AnyHandle for Handle<T> {
+    fn failures(&self) -> &Failures {
+        &self.head.failures
+    }
+
+    fn wait(&self, timeout: Duration) -> nvsp_status {
+        Handle::call(Some(self), |content| content.wait(timeout))
+    }
+
+    fn cancel(&self) -> nvsp_status {
+        Handle::call(Some(self), Content::cancel)
+    }
+
+    fn end(self: Box<Self>) {
+        T::ends(&self);
+    }
+}
+
+/// The handle at a pointer; NULL is none.
+///
+/// # Safety
+/// `handle` is NULL or a live one.
+unsafe fn any(handle: *mut c_void) -> Option<*mut dyn AnyHandle> {
+    // SAFETY: a live handle of any kind begins with its head.
+    let head = unsafe { handle.cast::<Head>().as_ref()? };
+    Some((head.known)(handle))
 }
 
 /// The last failure on a handle, and where failures are logged.
@@ -67,31 +127,37 @@ impl Text {
     }
 }
 
-impl<T> Handle<T> {
-    /// Makes a handle for C to hold; [`Handle::destroy`] takes it back.
+impl<T: Content> Handle<T> {
+    /// Makes a handle for C to hold; [`nvsp_destroy`] takes it back.
     pub(super) fn boxed(content: T, log: Log) -> Box<Handle<T>> {
         let last = Mutex::new(LastFailure { text: Text::EMPTY, times: 0 });
-        Box::new(Handle { failures: Failures { last, log }, content: Mutex::new(content) })
+        let head = Head {
+            failures: Failures { last, log },
+            known: |handle| handle.cast::<Handle<T>>() as *mut dyn AnyHandle,
+        };
+        Box::new(Handle { head, content: Mutex::new(content) })
     }
+}
 
+impl<T> Handle<T> {
     pub(super) fn log(&self) -> Log {
-        self.failures.log
+        self.head.failures.log
     }
 
     /// Runs a call that needs the handle for itself. Fails with `NVSP_ERR_BUSY` if another thread
-    /// is inside such a call. After a panic, every later call fails with `NVSP_ERR_POISONED`.
+    /// is inside such a call. After a panic, every later call fails with `NVSP_ERR_INTERNAL`.
     pub(super) fn call(
         handle: Option<&Handle<T>>,
         body: impl FnOnce(&mut T) -> Result<nvsp_status, Failure>,
     ) -> nvsp_status {
-        let Some(handle) = handle else { return NVSP_ERR_NULL };
-        handle.failures.fence(|| match handle.content.try_lock() {
+        let Some(handle) = handle else { return NVSP_ERR_ARGUMENT };
+        handle.head.failures.fence(|| match handle.content.try_lock() {
             Ok(mut content) => body(&mut content),
             Err(TryLockError::WouldBlock) => {
                 Err(Failure::at(NVSP_ERR_BUSY, "another thread is inside a call on it"))
             }
             Err(TryLockError::Poisoned(_)) => {
-                Err(Failure::at(NVSP_ERR_POISONED, "only destroying it is left"))
+                Err(Failure::at(NVSP_ERR_INTERNAL, "in an earlier call: destroy the handle"))
             }
         })
     }
@@ -104,8 +170,8 @@ impl<T> Handle<T> {
     where
         T: Clone,
     {
-        let Some(handle) = handle else { return NVSP_ERR_NULL };
-        handle.failures.fence(|| body(handle, handle.get()))
+        let Some(handle) = handle else { return NVSP_ERR_ARGUMENT };
+        handle.head.failures.fence(|| body(handle, handle.get()))
     }
 
     /// The content as it stands of a handle that another call needs besides its own.
@@ -131,12 +197,6 @@ impl<T> Handle<T> {
         let _old = std::mem::replace(&mut *place, content);
         drop(place);
     }
-
-    /// Ends a handle; NULL is none.
-    pub(super) fn destroy(handle: Option<Box<Handle<T>>>) {
-        // There is nobody left to report a panic while dropping.
-        let _ = catch_unwind(AssertUnwindSafe(|| drop(handle)));
-    }
 }
 
 impl Failures {
@@ -145,7 +205,7 @@ impl Failures {
         let failure = match catch_unwind(AssertUnwindSafe(body)) {
             Ok(Ok(status)) => return status,
             Ok(Err(failure)) => failure,
-            Err(_) => Failure::at(NVSP_ERR_INTERNAL, "please report it"),
+            Err(_) => Failure::at(NVSP_ERR_INTERNAL, "please report it, and destroy the handle"),
         };
         self.note(&failure);
         failure.status()
@@ -190,8 +250,8 @@ impl Failures {
 /// Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
 ///
 /// # Safety
-/// - `handle`: a live handle of any kind. Not NULL.
-/// - `text`: receives the text, ending in NUL. Yours, of `size` bytes. Not NULL.
+/// - `handle`: a live handle of any kind.
+/// - `text`: receives the text, ending in NUL.
 /// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_last_error(
@@ -199,17 +259,13 @@ pub unsafe extern "C" fn nvsp_last_error(
     text: *mut c_char,
     size: usize,
 ) -> nvsp_status {
-    // SAFETY: a live handle of any kind begins with its failures.
-    let Some(failures) = (unsafe { handle.cast::<Failures>().as_ref() }) else {
-        return NVSP_ERR_NULL;
-    };
-    if text.is_null() {
-        return NVSP_ERR_NULL;
-    }
+    // SAFETY: a live handle, see `# Safety`.
+    let handle = unsafe { any(handle.cast_mut()).map(|handle| &*handle) };
+    let Some(handle) = handle.filter(|_| !text.is_null()) else { return NVSP_ERR_ARGUMENT };
     if size == 0 {
         return NVSP_ERR_BUFFER_TOO_SMALL;
     }
-    let last = failures.last.lock().unwrap_or_else(PoisonError::into_inner);
+    let last = handle.failures().last.lock().unwrap_or_else(PoisonError::into_inner);
     let from = &last.text.as_str()[..last.text.as_str().floor_char_boundary(size - 1)];
     // SAFETY: `size` bytes stand at `text`, see `# Safety`; the bytes copied and the NUL are at most as many.
     unsafe {
@@ -217,6 +273,60 @@ pub unsafe extern "C" fn nvsp_last_error(
         *text.add(from.len()) = 0;
     }
     NVSP_OK
+}
+
+/// Tells whether the frame or the packet that was begun has ended, with success or not: NVSP_OK if it has, else
+/// NVSP_PENDING. Waits for that at most as long as you say.
+///
+/// Fails with NVSP_ERR_STATE if none was begun, or NVSP_ERR_ARGUMENT (another handle).
+///
+/// # Safety
+/// - `handle`: an encoder or a decoder.
+/// - `milliseconds`: the longest to wait; 0 does not wait.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_wait(handle: *mut c_void, milliseconds: u32) -> nvsp_status {
+    // SAFETY: a live handle, see `# Safety`.
+    let handle = unsafe { any(handle).map(|handle| &*handle) };
+    let timeout = Duration::from_millis(milliseconds.into());
+    handle.map_or(NVSP_ERR_ARGUMENT, |handle| handle.wait(timeout))
+}
+
+/// Drops what was begun, and a packet or a picture that was not fetched; both frames, if two are under way. Never
+/// waits: returns NVSP_OK if the handle is free again, or nothing was begun, else NVSP_PENDING. What was begun then
+/// ends with what the device is at, a few renders, at most as long as the watchdog allows; a coding that has begun goes
+/// on to its end. Until then, other calls fail with NVSP_ERR_UNFINISHED. Call this again, or nvsp_wait, which then
+/// returns NVSP_ERR_STATE.
+///
+/// A frame that is dropped counts as one whose packet was lost. Its number is used up. The next search may start at its
+/// pose. The next packet names prior and camera in full. A camera that a dropped packet told is known afterwards.
+///
+/// Fails with NVSP_ERR_ARGUMENT (another handle).
+///
+/// # Safety
+/// - `handle`: an encoder or a decoder.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_cancel(handle: *mut c_void) -> nvsp_status {
+    // SAFETY: a live handle, see `# Safety`.
+    let handle = unsafe { any(handle).map(|handle| &*handle) };
+    handle.map_or(NVSP_ERR_ARGUMENT, |handle| handle.cancel())
+}
+
+/// Ends a handle of any kind. What was made with it goes on to work: the last such handle frees what they share, and
+/// closes the device, unless you gave it. Waits for a frame or a packet that was begun, at most as long as the watchdog
+/// allows. Shares that wait in a sender are lost.
+///
+/// # Safety
+/// - `handle`: a live handle, which no thread uses. NULL: nothing is done.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn nvsp_destroy(handle: *mut c_void) {
+    // There is nobody left to report a panic while dropping.
+    let _ = catch_unwind(AssertUnwindSafe(|| {
+        // SAFETY: a live handle, see `# Safety`: `Handle::boxed` made the box, and nobody uses it afterwards.
+        let handle = unsafe { any(handle).map(|handle| Box::from_raw(handle)) };
+        if let Some(handle) = handle {
+            handle.end();
+        }
+    }));
 }
 
 /// Locks what calls and the library's threads share. Fails if a thread panicked while it had the lock.
@@ -235,6 +345,8 @@ mod tests {
     use std::ptr::{null, null_mut};
 
     use super::*;
+
+    impl Content for u32 {}
 
     fn handle() -> Box<Handle<u32>> {
         Handle::boxed(5, Log::new(None, null_mut()))
@@ -256,11 +368,16 @@ mod tests {
         let (status, text) = last_error::<600>(&one);
         let end = text.iter().position(|b| *b == 0).unwrap();
         assert!(status == NVSP_OK && str::from_utf8(&text[..end]).unwrap().contains("report"));
-        assert_eq!(Handle::call(Some(&one), |_| Ok(NVSP_OK)), NVSP_ERR_POISONED);
+        assert_eq!(Handle::call(Some(&one), |_| Ok(NVSP_OK)), NVSP_ERR_INTERNAL);
         assert_eq!(Handle::call(Some(&other), |v| Ok(*v as i32)), 5);
-        Handle::destroy(Some(one));
-        Handle::<u32>::destroy(None);
-        assert_eq!(Handle::<u32>::call(None, |_| Ok(NVSP_OK)), NVSP_ERR_NULL);
+        // SAFETY: a live handle and none.
+        unsafe {
+            assert_eq!(nvsp_wait((&raw const *other).cast_mut().cast(), 0), NVSP_ERR_ARGUMENT);
+            assert_eq!(nvsp_cancel(null_mut()), NVSP_ERR_ARGUMENT);
+            nvsp_destroy(Box::into_raw(one).cast());
+            nvsp_destroy(null_mut());
+        }
+        assert_eq!(Handle::<u32>::call(None, |_| Ok(NVSP_OK)), NVSP_ERR_ARGUMENT);
     }
 
     #[test]
@@ -297,8 +414,8 @@ mod tests {
         // SAFETY: a live handle or none, and no text.
         unsafe {
             let this = (&raw const *handle).cast();
-            assert_eq!(nvsp_last_error(this, null_mut(), 9), NVSP_ERR_NULL);
-            assert_eq!(nvsp_last_error(null(), null_mut(), 9), NVSP_ERR_NULL);
+            assert_eq!(nvsp_last_error(this, null_mut(), 9), NVSP_ERR_ARGUMENT);
+            assert_eq!(nvsp_last_error(null(), null_mut(), 9), NVSP_ERR_ARGUMENT);
         }
     }
 }

@@ -236,7 +236,7 @@ pub(super) fn camera(camera: In<nvsp_camera>) -> Result<Camera, Failure> {
         (centre.contains(&cy), "nvsp_camera.cy"),
     ] {
         if !fits {
-            return Err(Failure::at(NVSP_ERR_CAMERA, field));
+            return Err(Failure::argument(field));
         }
     }
     Ok(camera)
@@ -253,15 +253,15 @@ pub(super) fn pose(pose: In<nvsp_pose>) -> Result<Option<Pose>, Failure> {
 }
 
 /// Writes the pose on the way from one pose to another: 0 is the first, 1 the second, and each step of the way is the
-/// same motion. Beyond 0 to 1 it goes on. Allocates nothing; any thread may call it.
+/// same motion. Beyond 0 to 1 it goes on. Any thread may call it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT if a pose is no rigid motion or the part is not finite, or so large that the pose is
 /// not.
 ///
 /// # Parameters
-/// - `from`, `to`: the poses, from world to camera. Read during the call. Not NULL.
+/// - `from`, `to`: the poses, from world to camera.
 /// - `part`: the part of the way: of a frame number between two others, (number - first) / (second - first).
-/// - `between`: receives the pose, set up by NVSP_INIT. Not NULL.
+/// - `between`: receives the pose.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_pose_between(
     from: In<nvsp_pose>,

@@ -86,12 +86,12 @@ versioned!(nvsp_mask, 40);
 /// status = nvsp_encoder_set_lens(encoder, &lens);
 /// ```
 ///
-/// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the
-/// image that has no ray, as the distortion folds the image over itself nearer to its middle. It is also given if
-/// camera and lens see nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
+/// Fails with NVSP_ERR_MEMORY or NVSP_ERR_ARGUMENT: the text names the field, or the corner of the image that has no
+/// ray, as the distortion folds the image over itself nearer to its middle. It is also given if camera and lens see
+/// nothing in common, or if a mask is set that has not the lens's size: take the mask away first.
 ///
 /// # Parameters
-/// - `lens`: set up by NVSP_INIT. Read during the call. NULL: no lens from here on, images are of a pinhole camera.
+/// - `lens`: the lens; NULL: no lens from here on, images are of a pinhole camera.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_set_lens(
     encoder: Option<&nvsp_encoder>,
@@ -121,11 +121,11 @@ pub extern "C" fn nvsp_encoder_set_lens(
 /// status = nvsp_encoder_set_mask(encoder, &mask);
 /// ```
 ///
-/// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its
-/// size is not the lens's, its shape not the camera's, or no pixel counts.
+/// Fails with NVSP_ERR_IMAGE (size, stride or bytes), NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if its size is not the
+/// lens's, its shape not the camera's, or no pixel counts.
 ///
 /// # Parameters
-/// - `mask`: set up by NVSP_INIT. The structure and its pixels are read during the call. NULL: all pixels count.
+/// - `mask`: which pixels count; NULL: all pixels count.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_encoder_set_mask(
     encoder: Option<&nvsp_encoder>,
@@ -153,7 +153,7 @@ pub extern "C" fn nvsp_encoder_set_mask(
 /// times `rows` values from 1 to 255, row by row, laid over the picture in cells of equal size. An error in a cell of
 /// weight 8 counts eight times as much as one in a cell of weight 1. At the same budget the other parts get fewer
 /// bytes; NVSP_RATE_PSNR stays that of the whole picture. The topside needs to know nothing of it. It may change from
-/// frame to frame, as the pilot's cursor moves. WebP knows no such parts. Allocates a byte per cell. If the call fails,
+/// frame to frame, as the pilot's cursor moves. Allocates a byte per cell. If the call fails,
 /// the weights before stay. Example:
 ///
 /// ```c
@@ -161,11 +161,11 @@ pub extern "C" fn nvsp_encoder_set_mask(
 /// status = nvsp_encoder_set_interest(encoder, 3, 3, weights, sizeof weights);
 /// ```
 ///
-/// Fails with NVSP_ERR_UNFINISHED, NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096,
-/// `size` is not columns times rows, or a weight is 0.
+/// Fails with NVSP_ERR_MEMORY, or NVSP_ERR_ARGUMENT if a side has no cells or more than 4096, `size` is not columns
+/// times rows, or a weight is 0.
 ///
 /// # Safety
-/// - `weights`: `size` bytes, read during the call. NULL, with sides and size of 0: all parts count the same.
+/// - `weights`: their values. NULL, with sides and size of 0: all parts count the same.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_encoder_set_interest(
     encoder: Option<&nvsp_encoder>,

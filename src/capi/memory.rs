@@ -21,7 +21,7 @@ use super::structs::In;
 /// Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
 ///
 /// # Parameters
-/// - `allocator`: set up by NVSP_INIT. Read during the call. Not NULL.
+/// - `allocator`: the functions.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_set_allocator(allocator: In<nvsp_allocator>) -> nvsp_status {
     fence(|| {

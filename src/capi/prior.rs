@@ -13,17 +13,17 @@ use crate::render::{BlockReader, Scene};
 use crate::{Camera, Prior, RenderOptions, RenderOverrides};
 
 use super::engine::{EngineContent, nvsp_engine};
-use super::handle::Handle;
+use super::handle::{Content, Handle};
 use super::image::nvsp_camera;
 use super::limits::{self, Limits};
 use super::log::{NVSP_LOG_INFO, NVSP_LOG_WARNING};
 use super::memory::Grant;
-use super::slices::{slice, text};
+use super::slices::{optional_slice, text};
 use super::status::*;
 use super::structs::{In, Out, Place, number, versioned, zeroed};
 use super::thread::Thread;
 
-/// A trained scene on the device. Any number of threads, encoders and decoders may use it at once. Example:
+/// A trained scene on the device. Example:
 ///
 /// ```c
 /// nvsp_prior *prior = NULL;
@@ -34,6 +34,8 @@ use super::thread::Thread;
 /// }
 /// ```
 pub type nvsp_prior = Handle<PriorContent>;
+
+impl Content for PriorContent {}
 
 /// What a prior's handle holds.
 #[derive(Clone)]
@@ -62,8 +64,8 @@ impl PriorContent {
     }
 }
 
-/// Render options that replace those of a prior's file. They are part of the prior's identity: both sides of a link
-/// must give the same.
+/// Where a prior is, and render options that replace those of its file. These are part of the prior's identity: both
+/// sides of a link must give the same.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_prior_options {
@@ -85,8 +87,14 @@ pub struct nvsp_prior_options {
     /// Focal length of the pictures that the prior was trained on, pixels, 1 to 1,000,000. With it a prior that does
     /// not state its own serves pictures of other sizes, too.
     pub trained_focal: f32,
+    /// Zero.
+    pub reserved: u32,
+    /// A file's content, in place of its path. Read during nvsp_prior_open. NULL: a file is read.
+    pub content: *const u8,
+    /// Bytes of it.
+    pub content_size: usize,
 }
-versioned!(nvsp_prior_options, 44);
+versioned!(nvsp_prior_options, 64);
 
 /// Colours were left as they were.
 pub const NVSP_WHITE_BALANCE_NONE: u32 = 0;
@@ -131,8 +139,25 @@ pub struct nvsp_prior_info {
     pub clahe_clip_limit: f32,
     /// Trained focal length in use, pixels; 0: none is stated.
     pub trained_focal: f32,
+    /// Of a prior in blocks (nvsp_prior_options.blocks_memory), now: blocks on the device; here and below 0 if the
+    /// prior is loaded whole.
+    pub loaded_blocks: u32,
+    /// Splats on the device.
+    pub loaded_splats: u32,
+    /// Splats that there is room for on the device.
+    pub splat_room: u32,
+    /// Bytes of splats in host memory.
+    pub host_bytes: u64,
+    /// How often the blocks on the device changed.
+    pub block_changes: u64,
+    /// Blocks that a frame waited for: they were not read ahead.
+    pub block_waits: u64,
+    /// Searches that were done again, since they went further than blocks had been brought.
+    pub repeated_searches: u64,
+    /// Searches that lacked blocks, since there was no room for all. Their pose may be worse; their picture is whole.
+    pub incomplete_searches: u64,
 }
-versioned!(nvsp_prior_info, 84);
+versioned!(nvsp_prior_info, 136);
 
 /// What a prior, and an encoder and a decoder of it, may take at most, bytes. A view that shows more of the prior than
 /// the device memory was made for makes a frame take more.
@@ -180,16 +205,19 @@ versioned!(nvsp_memory_estimate, 64);
 /// With `options.blocks_memory` a prior in blocks (.nvsb, as `nvsprior blocks` writes it) stays in its file. Only what
 /// cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
 /// the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
-/// for it: see nvsp_prior_get_blocks. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
+/// for it: see nvsp_prior_info. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
 /// options cannot be given with it. Encoders and decoders that share such a prior work in turn.
+///
+/// With `options.content` the file's content is in memory. It is not needed afterwards. No file is read: key frames
+/// come from that content, and a prior in blocks is loaded whole.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, NVSP_ERR_PRIOR, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 /// NVSP_ERR_DEVICE_LOST; the text is the engine's.
 ///
 /// # Safety
-/// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the file says.
-/// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
+/// - `path`: the file's name, ending in NUL. NULL: `options.content` is given.
+/// - `options`: how; NULL: all as the file says.
+/// - `prior`: receives the prior, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_open(
     engine: Option<&nvsp_engine>,
@@ -197,8 +225,30 @@ pub unsafe extern "C" fn nvsp_prior_open(
     options: In<nvsp_prior_options>,
     prior: Place<Box<nvsp_prior>>,
 ) -> nvsp_status {
-    // SAFETY: a text stands at `path`, see `# Safety`.
-    open(engine, options, prior, || Ok(Source::File(unsafe { path_of(path)? })))
+    nvsp_engine::share(engine, |handle, content| {
+        let prior = prior.required("prior")?;
+        let options = options.read()?;
+        let overrides = overrides(&options)?;
+        let (bytes, size) = (options.content, options.content_size);
+        // SAFETY: so many bytes stand there, as the header asks of these fields.
+        let source = match unsafe { optional_slice(bytes, size, "nvsp_prior_options.content")? } {
+            // SAFETY: a text stands at `path`, see `# Safety`.
+            None => Source::File(unsafe { path_of(path)? }),
+            Some(bytes) if path.is_null() => Source::Memory(bytes),
+            Some(_) => return Err(Failure::argument("path and nvsp_prior_options.content")),
+        };
+        if options.blocks_memory != 0 {
+            let content = open_blocked(handle, &content, &options, source)?;
+            prior.write(Handle::boxed(content, handle.log()));
+            return Ok(NVSP_OK);
+        }
+        let (loaded, _memory) = source.read(&overrides, &content.how.limits)?;
+        log_load(handle, &loaded);
+        let scene = content.engine.upload(&loaded)?;
+        let content = PriorContent { scene, info: info_of(&loaded) };
+        prior.write(Handle::boxed(content, handle.log()));
+        Ok(NVSP_OK)
+    })
 }
 
 /// The path that a text is.
@@ -209,28 +259,6 @@ unsafe fn path_of<'a>(path: *const c_char) -> Result<&'a Path, Failure> {
     // SAFETY: as for `text`.
     let path = unsafe { text(path) }.ok_or(Failure::null("path"))?;
     Ok(Path::new(OsStr::from_bytes(path.to_bytes())))
-}
-
-/// As nvsp_prior_open, but from the content of a file in memory, which is not needed afterwards. Key frames and coder
-/// tables come from that content.
-///
-/// Fails as nvsp_prior_open does, except with NVSP_ERR_FILE.
-///
-/// # Safety
-/// - `bytes`: the file's content. Read during the call. Not NULL.
-/// - `size`: bytes of it.
-/// - `options`: set up by NVSP_INIT. Read during the call. NULL: all as the content says.
-/// - `prior`: receives the prior, which nvsp_prior_destroy ends. Not NULL.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn nvsp_prior_open_memory(
-    engine: Option<&nvsp_engine>,
-    bytes: *const u8,
-    size: usize,
-    options: In<nvsp_prior_options>,
-    prior: Place<Box<nvsp_prior>>,
-) -> nvsp_status {
-    // SAFETY: `size` bytes stand at `bytes`, see `# Safety`.
-    open(engine, options, prior, || Ok(Source::Memory(unsafe { slice(bytes, size, "bytes")? })))
 }
 
 /// Where a prior's content is.
@@ -262,31 +290,6 @@ impl Source<'_> {
             }
         }
     }
-}
-
-/// Reads a prior by what `source` gives. Calls it after the other arguments were checked.
-fn open<'a>(
-    engine: Option<&nvsp_engine>,
-    options: In<nvsp_prior_options>,
-    prior: Place<Box<nvsp_prior>>,
-    source: impl FnOnce() -> Result<Source<'a>, Failure>,
-) -> nvsp_status {
-    nvsp_engine::share(engine, |handle, content| {
-        let prior = prior.required("prior")?;
-        let options = options.read()?;
-        let overrides = overrides(&options)?;
-        if options.blocks_memory != 0 {
-            let content = open_blocked(handle, &content, &options, source()?)?;
-            prior.write(Handle::boxed(content, handle.log()));
-            return Ok(NVSP_OK);
-        }
-        let (loaded, _memory) = source()?.read(&overrides, &content.how.limits)?;
-        log_load(handle, &loaded);
-        let scene = content.engine.upload(&loaded)?;
-        let content = PriorContent { scene, info: info_of(&loaded) };
-        prior.write(Handle::boxed(content, handle.log()));
-        Ok(NVSP_OK)
-    })
 }
 
 /// Opens a prior in blocks.
@@ -353,6 +356,9 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
         | NVSP_PRIOR_TRAINED_FOCAL;
     if given & !known != 0 {
         return Err(Failure::argument("nvsp_prior_options.given"));
+    }
+    if options.reserved != 0 {
+        return Err(Failure::argument("nvsp_prior_options.reserved: not zero"));
     }
     let stated = [
         (
@@ -445,12 +451,12 @@ fn drawn_so(
 /// nvsp_engine_options.host_memory_limit is compared with. The file may claim what is not true: then opening it fails.
 /// Opens no device. Allocates; any thread may call it.
 ///
-/// Fails with NVSP_ERR_CAMERA, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
+/// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_FILE, or NVSP_ERR_PRIOR if the file is of another format.
 ///
 /// # Safety
-/// - `path`: the file's name, ending in NUL. Read during the call. Not NULL.
-/// - `camera`: the camera of encoders and decoders. Read during the call. NULL: their memory is not wanted.
-/// - `estimate`: receives the estimate, set up by NVSP_INIT. Not NULL.
+/// - `path`: the file's name, ending in NUL.
+/// - `camera`: the camera of encoders and decoders. NULL: their memory is not wanted.
+/// - `estimate`: receives the estimate.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_prior_estimate(
     path: *const c_char,
@@ -496,81 +502,29 @@ fn estimate_of(claims: &PriorClaims, camera: Option<Camera>) -> nvsp_memory_esti
     }
 }
 
-/// Describes a prior.
+/// Describes a prior. Call it between frames of a prior in blocks: it waits for the frame under way.
 ///
 /// # Parameters
-/// - `info`: receives the description, set up by NVSP_INIT. Not NULL.
+/// - `info`: receives the description.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_prior_get_info(
     prior: Option<&nvsp_prior>,
     info: Out<nvsp_prior_info>,
 ) -> nvsp_status {
     nvsp_prior::share(prior, |_, content| {
-        info.required()?.write(&content.info);
+        let out = info.required()?;
+        let mut info = content.info;
+        if let Some(residency) = content.scene.residency() {
+            info.loaded_blocks = number(residency.blocks);
+            info.loaded_splats = number(residency.splats);
+            info.splat_room = number(residency.room);
+            info.host_bytes = residency.host_bytes;
+            info.block_changes = residency.changes;
+            info.block_waits = residency.waits;
+            info.repeated_searches = residency.repeated;
+            info.incomplete_searches = residency.incomplete;
+        }
+        out.write(&info);
         Ok(NVSP_OK)
     })
-}
-
-/// Which part of a prior in blocks is loaded, and what that took so far.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct nvsp_prior_blocks {
-    pub struct_size: u32,
-    pub abi_version: u32,
-    /// Blocks on the device.
-    pub blocks: u32,
-    /// Splats on the device.
-    pub splats: u32,
-    /// Splats that there is room for on the device.
-    pub room: u32,
-    /// Always 0.
-    pub reserved: u32,
-    /// Bytes of splats in host memory.
-    pub host_bytes: u64,
-    /// How often the blocks on the device changed.
-    pub changes: u64,
-    /// Blocks that a frame waited for: they were not read ahead.
-    pub waits: u64,
-    /// Searches that were done again, since they went further than blocks had been brought.
-    pub repeated: u64,
-    /// Searches that lacked blocks, since there was no room for all. Their pose may be worse; their picture is whole.
-    pub incomplete: u64,
-}
-versioned!(nvsp_prior_blocks, 64);
-
-/// Tells which part of a prior in blocks is loaded. Call it between frames: it waits for the frame under way.
-///
-/// Fails with NVSP_ERR_STATE if the prior is loaded whole.
-///
-/// # Parameters
-/// - `blocks`: receives it, set up by NVSP_INIT. Not NULL.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_prior_get_blocks(
-    prior: Option<&nvsp_prior>,
-    blocks: Out<nvsp_prior_blocks>,
-) -> nvsp_status {
-    nvsp_prior::share(prior, |_, content| {
-        let out = blocks.required()?;
-        let whole = || Failure::at(NVSP_ERR_STATE, "the prior is loaded whole");
-        let residency = content.scene.residency().ok_or_else(whole)?;
-        out.write(&nvsp_prior_blocks {
-            blocks: number(residency.blocks),
-            splats: number(residency.splats),
-            room: number(residency.room),
-            host_bytes: residency.host_bytes,
-            changes: residency.changes,
-            waits: residency.waits,
-            repeated: residency.repeated,
-            incomplete: residency.incomplete,
-            ..zeroed()
-        });
-        Ok(NVSP_OK)
-    })
-}
-
-/// Ends a prior; NULL is allowed. Encoders and decoders made with it go on to work. The last of them frees its device
-/// memory.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_prior_destroy(prior: Option<Box<nvsp_prior>>) {
-    nvsp_prior::destroy(prior)
 }

@@ -7,7 +7,7 @@ use crate::modem::{
     Report, Sender, SenderOptions, share_count,
 };
 
-use super::handle::Handle;
+use super::handle::{Content, Handle};
 use super::keys::{keys_of, nvsp_keys};
 use super::limits::SMALL;
 use super::log::Log;
@@ -18,8 +18,7 @@ use super::structs::{In, Out, Place, number, versioned, zeroed};
 
 /// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
 /// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
-/// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. One thread at a
-/// time may use it. Example:
+/// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. Example:
 ///
 /// ```c
 /// // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
@@ -43,6 +42,8 @@ use super::structs::{In, Out, Place, number, versioned, zeroed};
 /// while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
 /// ```
 pub type nvsp_sender = Handle<Sender>;
+
+impl Content for Sender {}
 
 /// nvsp_sender_options.loss: the link loses nothing.
 pub const NVSP_LOSS_NONE: f64 = -1.0;
@@ -221,8 +222,8 @@ fn loss_of(chance: f64, burst: f64) -> Loss {
 /// # Parameters
 /// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
 ///   take. Both sides need the same.
-/// - `options`: set up by NVSP_INIT. Read during the call. Not NULL.
-/// - `sender`: receives the sender, which nvsp_sender_destroy ends. Not NULL.
+/// - `options`: what the link carries, and what its pictures should be.
+/// - `sender`: receives the sender, which nvsp_destroy ends.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_sender_create(
     mtu: u32,
@@ -248,15 +249,15 @@ pub extern "C" fn nvsp_sender_create(
 }
 
 /// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
-/// out (nvsp_encoder_skip), as the link has no bytes for it. Ask for each frame of the camera, or as often as you like:
-/// if no packet follows, no bytes are spent. A sender without a bit rate tells the longest packet that it takes.
-/// Allocates nothing.
+/// out (nvsp_frame_info.left_out of the next one), as the link has no bytes for it. Ask for each frame of the camera,
+/// or as often as you like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest
+/// packet that it takes.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time).
 ///
 /// # Parameters
 /// - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
-/// - `bytes`: receives the bytes. Not NULL.
+/// - `bytes`: receives the bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_sender_plan(
     sender: Option<&nvsp_sender>,
@@ -273,7 +274,7 @@ pub extern "C" fn nvsp_sender_plan(
 
 /// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
 /// be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
-/// without a plan. Allocates nothing.
+/// without a plan.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time, or not as many user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_MODEM
 /// (the bytes are not exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or
@@ -283,11 +284,11 @@ pub extern "C" fn nvsp_sender_plan(
 ///
 /// # Safety
 /// - `now`: when the packet is ready, seconds.
-/// - `packet`: the packet. Read during the call. Not NULL.
+/// - `packet`: the packet.
 /// - `size`: bytes of `packet`.
-/// - `user`: the user bytes. Read during the call. NULL only if `user_size` is 0.
+/// - `user`: the user bytes. NULL only if `user_size` is 0.
 /// - `user_size`: bytes of `user`; nvsp_sender_options.user_bytes.
-/// - `division`: receives how the packet was divided, set up by NVSP_INIT. NULL: not wanted.
+/// - `division`: receives how the packet was divided. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_sender_push(
     sender: Option<&nvsp_sender>,
@@ -311,17 +312,15 @@ pub unsafe extern "C" fn nvsp_sender_push(
 }
 
 /// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
-/// writes nothing then. Call it when the modem is free: shares that it had no time for are due still. Allocates
-/// nothing.
+/// writes nothing then. Call it when the modem is free: shares that it had no time for are due still.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time) or NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
 ///
 /// # Safety
 /// - `now`: seconds.
-/// - `share`: receives the share, which is a modem frame. It may be filled up with zeros. Yours, of `size` bytes. Not
-///   NULL.
+/// - `share`: receives the share, which is a modem frame. It may be filled up with zeros.
 /// - `size`: bytes of `share`; the MTU always suffices.
-/// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL. Not NULL.
+/// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_sender_next(
     sender: Option<&nvsp_sender>,
@@ -346,8 +345,7 @@ pub unsafe extern "C" fn nvsp_sender_next(
 
 /// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
 /// step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
-/// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Allocates
-/// nothing. Example:
+/// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Example:
 ///
 /// ```c
 /// nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
@@ -364,9 +362,9 @@ pub unsafe extern "C" fn nvsp_sender_next(
 ///
 /// # Safety
 /// - `now`: when the report came, seconds.
-/// - `report`: its bytes. Read during the call. Not NULL.
+/// - `report`: its bytes.
 /// - `size`: bytes of `report`.
-/// - `processed`: receives what it says, set up by NVSP_INIT. Not NULL.
+/// - `processed`: receives what it says.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_sender_process_report(
     sender: Option<&nvsp_sender>,
@@ -386,10 +384,10 @@ pub unsafe extern "C" fn nvsp_sender_process_report(
     })
 }
 
-/// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then. Allocates nothing.
+/// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then.
 ///
 /// # Parameters
-/// - `time`: receives the time, seconds. It may have passed. Not NULL.
+/// - `time`: receives the time, seconds. It may have passed.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_sender_due(sender: Option<&nvsp_sender>, time: Place<f64>) -> nvsp_status {
     nvsp_sender::call(sender, |content| {
@@ -400,7 +398,7 @@ pub extern "C" fn nvsp_sender_due(sender: Option<&nvsp_sender>, time: Place<f64>
     })
 }
 
-/// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer. Allocates nothing.
+/// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer.
 ///
 /// Fails with NVSP_ERR_ARGUMENT (the time).
 ///
@@ -419,7 +417,7 @@ pub extern "C" fn nvsp_sender_count(
     })
 }
 
-/// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate. Allocates nothing.
+/// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The rate before stays
 /// then.
@@ -440,7 +438,7 @@ pub extern "C" fn nvsp_sender_set_bit_rate(
 }
 
 /// Sets what the next packets are protected against, for example as the topside has measured it
-/// (nvsp_collector_statistics). Allocates nothing.
+/// (nvsp_collector_statistics).
 ///
 /// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The loss before stays
 /// then.
@@ -458,12 +456,6 @@ pub extern "C" fn nvsp_sender_set_loss(
         content.set_loss(loss_of(loss, burst))?;
         Ok(NVSP_OK)
     })
-}
-
-/// Ends a sender; NULL is allowed. Shares that wait are lost.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_sender_destroy(sender: Option<Box<nvsp_sender>>) {
-    nvsp_sender::destroy(sender)
 }
 
 fn processed_of(

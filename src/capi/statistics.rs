@@ -46,7 +46,7 @@ versioned!(nvsp_sender_statistics, 144);
 /// Copies the counts of a sender.
 ///
 /// # Parameters
-/// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+/// - `statistics`: receives the counts.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_sender_get_statistics(
     sender: Option<&nvsp_sender>,
@@ -120,7 +120,7 @@ versioned!(nvsp_collector_statistics, 152);
 /// Copies the counts of a collector.
 ///
 /// # Parameters
-/// - `statistics`: receives the counts, set up by NVSP_INIT. Not NULL.
+/// - `statistics`: receives the counts.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_collector_get_statistics(
     collector: Option<&nvsp_collector>,

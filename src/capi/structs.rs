@@ -19,7 +19,6 @@ pub const NVSP_VERSION_MINOR: u32 = 0;
 #[allow(dead_code)] // For C alone.
 pub const NVSP_VERSION_PATCH: u32 = 0;
 /// The three in one number, for comparisons: 1,000,000 major + 1,000 minor + patch.
-#[allow(dead_code)] // For C alone.
 pub const NVSP_VERSION_NUMBER: u32 = 1_000_000;
 
 /// Bytes of the two fields that all these structures begin with.
@@ -57,10 +56,10 @@ pub(super) fn number(value: usize) -> u32 {
 /// Zeroes a structure of `size` bytes, then writes its size and the caller's ABI version into it.
 /// The structure then means all defaults. The macro NVSP_INIT calls this.
 ///
-/// Fails with NVSP_ERR_STRUCT_SIZE (size below 8 or above 4096).
+/// Fails with NVSP_ERR_STRUCTURE (size below 8 or above 4096, or another ABI version).
 ///
 /// # Safety
-/// - `structure`: is zeroed. Yours, of `size` bytes. Not NULL.
+/// - `structure`: is zeroed.
 /// - `size`: bytes of the structure, 8 to 4096.
 /// - `abi_version`: NVSP_ABI_VERSION of your header.
 #[unsafe(no_mangle)]
@@ -70,13 +69,10 @@ pub unsafe extern "C" fn nvsp_struct_init(
     abi_version: u32,
 ) -> nvsp_status {
     if structure.is_null() {
-        return NVSP_ERR_NULL;
+        return NVSP_ERR_ARGUMENT;
     }
-    if !(HEAD..=MAX_SIZE).contains(&size) {
-        return NVSP_ERR_STRUCT_SIZE;
-    }
-    if abi_version != NVSP_ABI_VERSION {
-        return NVSP_ERR_ABI_VERSION;
+    if !(HEAD..=MAX_SIZE).contains(&size) || abi_version != NVSP_ABI_VERSION {
+        return NVSP_ERR_STRUCTURE;
     }
     // SAFETY: `size` bytes stand at `structure`, see `# Safety`: eight or more. Unaligned writes need no alignment.
     unsafe {
@@ -109,11 +105,8 @@ impl<T: Versioned> In<T> {
         // SAFETY: not null, as `optional` and `Out::optional` check; a structure has at least its head.
         let [size, abi_version] = unsafe { self.0.cast::<[u32; 2]>().read_unaligned() };
         let size = size as usize;
-        if !(T::FIRST_SIZE..=MAX_SIZE).contains(&size) {
-            return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
-        }
-        if abi_version != NVSP_ABI_VERSION {
-            return Err(Failure::at(NVSP_ERR_ABI_VERSION, T::NAME));
+        if !(T::FIRST_SIZE..=MAX_SIZE).contains(&size) || abi_version != NVSP_ABI_VERSION {
+            return Err(Failure::at(NVSP_ERR_STRUCTURE, T::NAME));
         }
         Ok(size)
     }
@@ -143,7 +136,7 @@ impl<T: Versioned> In<T> {
         };
         if unknown.iter().any(|b| *b != 0) {
             // The caller set a field that this version does not know. It must not be ignored.
-            return Err(Failure::at(NVSP_ERR_STRUCT_SIZE, T::NAME));
+            return Err(Failure::at(NVSP_ERR_STRUCTURE, T::NAME));
         }
         Ok(Some(value))
     }
@@ -275,13 +268,13 @@ mod tests {
         let newer = read(words([0, 0, 7, 8, 0]).as_ptr()).unwrap();
         assert_eq!((newer.first, newer.later), (7, 8));
         let unknown = read(words([0, 0, 7, 8, 1]).as_ptr());
-        assert_eq!(status(unknown), Some(NVSP_ERR_STRUCT_SIZE));
-        assert_eq!(status(read(words([0, 0]).as_ptr())), Some(NVSP_ERR_STRUCT_SIZE));
+        assert_eq!(status(unknown), Some(NVSP_ERR_STRUCTURE));
+        assert_eq!(status(read(words([0, 0]).as_ptr())), Some(NVSP_ERR_STRUCTURE));
         let absurd = [u32::MAX, NVSP_ABI_VERSION];
-        assert_eq!(status(read(absurd.as_ptr())), Some(NVSP_ERR_STRUCT_SIZE));
+        assert_eq!(status(read(absurd.as_ptr())), Some(NVSP_ERR_STRUCTURE));
         let foreign = [16, NVSP_ABI_VERSION + 1, 7, 8];
-        assert_eq!(status(read(foreign.as_ptr())), Some(NVSP_ERR_ABI_VERSION));
-        assert_eq!(status(In::<Sample>(std::ptr::null()).required()), Some(NVSP_ERR_NULL));
+        assert_eq!(status(read(foreign.as_ptr())), Some(NVSP_ERR_STRUCTURE));
+        assert_eq!(status(In::<Sample>(std::ptr::null()).required()), Some(NVSP_ERR_ARGUMENT));
     }
 
     #[test]
@@ -294,7 +287,7 @@ mod tests {
         Out(newer.as_mut_ptr().cast::<Sample>()).required().unwrap().write(&value);
         let none = Out::<Sample>(std::ptr::null_mut());
         none.optional().unwrap().write(&value);
-        assert_eq!(status(none.required()), Some(NVSP_ERR_NULL));
+        assert_eq!(status(none.required()), Some(NVSP_ERR_ARGUMENT));
         assert_eq!(older, [12, NVSP_ABI_VERSION, 5, 77]);
         assert_eq!(newer, [24, NVSP_ABI_VERSION, 5, 6, 0, 0]);
     }
@@ -307,10 +300,10 @@ mod tests {
         unsafe {
             assert_eq!(nvsp_struct_init(place, 12, NVSP_ABI_VERSION), NVSP_OK);
             assert_eq!(words, [12, NVSP_ABI_VERSION, 0, 9]);
-            assert_eq!(nvsp_struct_init(place, 7, NVSP_ABI_VERSION), NVSP_ERR_STRUCT_SIZE);
-            assert_eq!(nvsp_struct_init(place, 12, 0), NVSP_ERR_ABI_VERSION);
+            assert_eq!(nvsp_struct_init(place, 7, NVSP_ABI_VERSION), NVSP_ERR_STRUCTURE);
+            assert_eq!(nvsp_struct_init(place, 12, 0), NVSP_ERR_STRUCTURE);
             let null = std::ptr::null_mut();
-            assert_eq!(nvsp_struct_init(null, 12, NVSP_ABI_VERSION), NVSP_ERR_NULL);
+            assert_eq!(nvsp_struct_init(null, 12, NVSP_ABI_VERSION), NVSP_ERR_ARGUMENT);
         }
     }
 }

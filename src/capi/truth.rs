@@ -1,6 +1,5 @@
 //! How far a decoded picture is from what the camera saw.
 
-use crate::Camera;
 use crate::truth::{BLOCK, TruthLevel, TruthMap};
 
 use super::decoder::nvsp_decoder;
@@ -47,19 +46,6 @@ pub struct nvsp_truth {
 }
 versioned!(nvsp_truth, 32);
 
-/// Bytes of the truth map of a picture of this size: one for each block. 0 if no picture can have this size.
-///
-/// # Parameters
-/// - `width`, `height`: the picture's size, pixels.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_truth_bound(width: u32, height: u32) -> usize {
-    let sides = 1..=Camera::MAX_SIDE;
-    match sides.contains(&width) && sides.contains(&height) {
-        true => width.div_ceil(BLOCK) as usize * height.div_ceil(BLOCK) as usize,
-        false => 0,
-    }
-}
-
 /// Tells how far the picture that was decoded or drawn last is from what the camera saw, block by block. Show it with
 /// the picture: a prior draws what it remembers as sharply as what is there. The map never says less than what is true,
 /// also if the packet was cut. It may say more of a block, if it has no room to say what is true.
@@ -67,22 +53,22 @@ pub extern "C" fn nvsp_truth_bound(width: u32, height: u32) -> usize {
 /// All blocks are NVSP_TRUTH_NOT_SEEN if the packet had no map (nvsp_encoder_options.no_truth), if the difference
 /// picture that its map is about did not arrive, if the render is not the vehicle's (NVSP_DECODED_OTHER_RENDER), or if
 /// nvsp_decoder_draw drew the picture. A packet that is refused changes nothing: the map stays that of the picture
-/// before. Never waits, and allocates nothing. Example:
+/// before. Example:
 ///
 /// ```c
 /// nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
-/// status = nvsp_decoder_get_truth(decoder, levels, nvsp_truth_bound(info.width, info.height), &bytes, &truth);
+/// size_t size = nvsp_size_bound(NVSP_SIZE_TRUTH, info.width, info.height);
+/// status = nvsp_decoder_get_truth(decoder, levels, size, &bytes, &truth);
 /// if (levels[y / truth.block_size * truth.columns + x / truth.block_size] == NVSP_TRUTH_WRONG) warn(x, y);
 /// ```
 ///
-/// Fails with NVSP_ERR_STATE (no picture yet), NVSP_ERR_UNFINISHED (a packet is under way) or
-/// NVSP_ERR_BUFFER_TOO_SMALL.
+/// Fails with NVSP_ERR_STATE (no picture yet) or NVSP_ERR_BUFFER_TOO_SMALL.
 ///
 /// # Safety
-/// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each. Yours, of `size` bytes. Not NULL.
-/// - `size`: bytes of `levels`; nvsp_truth_bound suffices.
-/// - `written`: receives the bytes that the map takes. Not NULL.
-/// - `truth`: receives what they are about, set up by NVSP_INIT. NULL: not wanted.
+/// - `levels`: receives NVSP_TRUTH_* of the blocks, row by row, a byte each.
+/// - `size`: bytes of `levels`; nvsp_size_bound suffices.
+/// - `written`: receives the bytes that the map takes.
+/// - `truth`: receives what they are about. NULL: not wanted.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_decoder_get_truth(
     decoder: Option<&nvsp_decoder>,

@@ -2,31 +2,25 @@
 
 use std::ffi::c_char;
 
-use super::structs::NVSP_ABI_VERSION;
+use super::structs::{NVSP_ABI_VERSION, NVSP_VERSION_NUMBER, Place};
 
-/// Returns the library's version, such as "1.0.0". The text is static.
+/// Returns the version of the library in use, such as "1.0.0". The text is static. NVSP_INIT and every call that takes
+/// a structure refuse a program made for another NVSP_ABI_VERSION.
+///
+/// # Parameters
+/// - `number`: receives it as one number, as NVSP_VERSION_NUMBER has it for the header. NULL: not wanted.
+/// - `abi_version`: receives the ABI version that the library speaks. NULL: not wanted.
 #[unsafe(no_mangle)]
-pub extern "C" fn nvsp_version() -> *const c_char {
+pub extern "C" fn nvsp_version(number: Place<u32>, abi_version: Place<u32>) -> *const c_char {
     const TEXT: &std::ffi::CStr = match std::ffi::CStr::from_bytes_with_nul(
         concat!(env!("CARGO_PKG_VERSION"), "\0").as_bytes(),
     ) {
         Ok(text) => text,
         Err(_) => panic!("a version without NUL"),
     };
+    number.write(NVSP_VERSION_NUMBER);
+    abi_version.write(NVSP_ABI_VERSION);
     TEXT.as_ptr()
-}
-
-/// Returns the ABI version that the library speaks. NVSP_INIT and every call that takes a structure refuse a program
-/// made for another NVSP_ABI_VERSION.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_abi_version() -> u32 {
-    NVSP_ABI_VERSION
-}
-
-/// Returns the library's version as one number, as NVSP_VERSION_NUMBER has it for the header.
-#[unsafe(no_mangle)]
-pub extern "C" fn nvsp_version_number() -> u32 {
-    super::structs::NVSP_VERSION_NUMBER
 }
 
 #[cfg(test)]

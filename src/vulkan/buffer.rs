@@ -32,6 +32,7 @@ pub struct Buffer {
 pub(super) struct Shared {
     pub raw: vk::Buffer,
     allocation: Option<Allocation>,
+    /// What it takes of the device's memory.
     bytes: u64,
     device: Arc<Inner>,
 }
@@ -65,15 +66,17 @@ impl Shared {
             Memory::Upload => MemoryLocation::CpuToGpu,
             Memory::Readback => MemoryLocation::GpuToCpu,
         };
+        self.device.take(name, requirements.size)?;
+        self.bytes = requirements.size;
+        // What is left of a block, 64 MiB or more, would count against a limit too: so each buffer has its own memory.
+        let allocation_scheme = match self.device.is_limited() {
+            true => AllocationScheme::DedicatedBuffer(self.raw),
+            false => AllocationScheme::GpuAllocatorManaged,
+        };
         let mut guard = self.device.allocator.lock().map_err(|e| failed(e.to_string()))?;
         let allocator = guard.as_mut().ok_or_else(|| failed("the device is closing".into()))?;
-        let description = AllocationCreateDesc {
-            name,
-            requirements,
-            location,
-            linear: true,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        };
+        let description =
+            AllocationCreateDesc { name, requirements, location, linear: true, allocation_scheme };
         let allocation = allocator.allocate(&description).map_err(|e| failed(e.to_string()))?;
         let (memory, offset) = (
             // SAFETY: the memory stays with this struct, which frees it after its last use.
@@ -112,12 +115,10 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage);
         let inner = &device.inner;
         inner.check()?;
-        inner.take(name, bytes)?;
         // SAFETY: a valid description.
         let raw = unsafe { inner.device.create_buffer(&info, None) }
-            .inspect_err(|_| inner.give_back(bytes))
             .map_err(Error::of("vkCreateBuffer"))?;
-        let mut shared = Shared { raw, allocation: None, bytes, device: inner.clone() };
+        let mut shared = Shared { raw, allocation: None, bytes: 0, device: inner.clone() };
         shared.allocate(name, bytes, memory)?;
         Ok(Buffer { shared: Arc::new(shared), name, bytes })
     }

@@ -21,7 +21,8 @@ pub struct DeviceOptions {
     pub device: Option<String>,
     /// Run under the Khronos validation layer and keep its messages.
     pub validation: bool,
-    /// Most bytes of device memory in all buffers together; 0: all that the device has.
+    /// Most bytes of device memory for all buffers together, also of what is taken from the driver; 0: all that the
+    /// device has. With a limit each buffer has its own memory, so many of them take longer to make.
     pub memory_limit: u64,
     /// Longest that one submission may take. What takes longer counts as a lost device ([`Error::Hung`]), and what the
     /// device may still use is then never freed: buffers, pipelines, the device itself. `None`: no bound.
@@ -119,6 +120,11 @@ impl Inner {
             true => Err(Error::DeviceLost { call: "an earlier call" }),
             false => Ok(()),
         }
+    }
+
+    /// Whether there is a limit of memory.
+    pub fn is_limited(&self) -> bool {
+        self.memory_limit != u64::MAX
     }
 
     /// Counts a buffer's bytes. Refuses them if all buffers together would pass the limit.

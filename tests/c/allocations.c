@@ -152,7 +152,7 @@ static void whole_way(int number) {
     size_t size = 0;
     if (number % 2) {
         MUST(nvsp_encode_begin(both.encoder, &image, with_hint(hint)));
-        MUST(nvsp_encode_wait(both.encoder, 60000));
+        MUST(nvsp_wait(both.encoder, 60000));
         MUST(nvsp_encode_finish(both.encoder, sent, sizeof sent, &size, &stats));
     } else {
         MUST(nvsp_encode(both.encoder, &image, with_hint(hint), sent, sizeof sent, &size, &stats));
@@ -170,7 +170,7 @@ static void whole_way(int number) {
     MUST(nvsp_decode_header(arrived, size, both.prior, &header));
     if (number % 2) {
         MUST(nvsp_decode_begin(both.decoder, arrived, size, NVSP_DECODE_START));
-        MUST(nvsp_decode_wait(both.decoder, 60000));
+        MUST(nvsp_wait(both.decoder, 60000));
         MUST(nvsp_decode_finish(both.decoder, &place, &info));
     } else {
         MUST(nvsp_decode(both.decoder, arrived, size, 0, &place, &info));
@@ -202,13 +202,13 @@ static void two_at_once(void) {
         MUST(nvsp_encode_begin(both.encoder, &image, with_hint(frame == 0 ? &dive.poses[0] : NULL)));
         if (frame > 0) {
             size_t size = 0;
-            MUST(nvsp_encode_wait(both.encoder, 60000));
+            MUST(nvsp_wait(both.encoder, 60000));
             MUST(nvsp_encode_finish(both.encoder, sent, sizeof sent, &size, NULL));
         }
     }
     CHECK(stop_counting("two frames at once, through a lens") == 0);
-    nvsp_encoder_destroy(both.encoder);
-    nvsp_decoder_destroy(both.decoder);
+    nvsp_destroy(both.encoder);
+    nvsp_destroy(both.decoder);
     both.encoder = NULL;
     both.decoder = NULL;
 }
@@ -232,7 +232,7 @@ int main(int argc, char **argv) {
         options.rate = rates[i];
         options.rate_value = values[i];
         options.camera_interval = 10;
-        options.mode = i == 3 ? NVSP_MODE_STREAM : NVSP_MODE_INTRA;
+        options.mode = i == 3 ? NVSP_MODE_CHAIN : NVSP_MODE_INTRA;
         rig_add(&both, &dive.camera, &options);
         nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
         link.bit_rate = 20000;
@@ -260,12 +260,12 @@ int main(int argc, char **argv) {
         nvsp_collector_statistics counts = NVSP_INITIALIZER(nvsp_collector_statistics);
         MUST(nvsp_collector_get_statistics(collector, &counts));
         CHECK(counts.repaired > 0);
-        nvsp_sender_destroy(sender);
-        nvsp_collector_destroy(collector);
-        nvsp_sender_destroy(unprotected);
-        nvsp_collector_destroy(clean);
-        nvsp_encoder_destroy(both.encoder);
-        nvsp_decoder_destroy(both.decoder);
+        nvsp_destroy(sender);
+        nvsp_destroy(collector);
+        nvsp_destroy(unprotected);
+        nvsp_destroy(clean);
+        nvsp_destroy(both.encoder);
+        nvsp_destroy(both.decoder);
         both.encoder = NULL;
         both.decoder = NULL;
     }

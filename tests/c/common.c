@@ -58,7 +58,7 @@ void give_up(const char *what) {
 
 int few(void) { return getenv("NVSP_TEST_FEW") != NULL; }
 
-static uint8_t *read_picture(const scene *scene, const char *path) {
+uint8_t *read_picture(const scene *scene, const char *path) {
     size_t size = 0;
     uint8_t *bytes = read_all(path, &size);
     // The pixels are the end of the file.
@@ -77,6 +77,8 @@ void scene_read(scene *scene, const char *folder) {
     snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
     snprintf(scene->compact_prior, sizeof scene->compact_prior, "%s/prior.nvsg", folder);
     snprintf(scene->blocked_prior, sizeof scene->blocked_prior, "%s/prior.nvsb", folder);
+    snprintf(scene->paper_packet, sizeof scene->paper_packet, "%s/paper.nvsp", folder);
+    snprintf(scene->paper_picture, sizeof scene->paper_picture, "%s/paper.ppm", folder);
     snprintf(scene->preprocessed_prior, sizeof scene->preprocessed_prior, "%s/preprocessed.ply", folder);
     char path[600];
     snprintf(path, sizeof path, "%s/scene.txt", folder);
@@ -155,14 +157,14 @@ void rig_open(rig *rig, const scene *scene) {
 
 void rig_add(rig *rig, const nvsp_camera *camera, const nvsp_encoder_options *options) {
     MUST(nvsp_encoder_create(rig->engine, rig->prior, camera, options, &rig->encoder));
-    MUST(nvsp_decoder_create(rig->engine, rig->prior, &rig->decoder));
+    MUST(nvsp_decoder_create(rig->engine, rig->prior, NULL, &rig->decoder));
 }
 
 void rig_close(rig *rig) {
-    nvsp_decoder_destroy(rig->decoder);
-    nvsp_encoder_destroy(rig->encoder);
-    nvsp_prior_destroy(rig->prior);
-    nvsp_engine_destroy(rig->engine);
+    nvsp_destroy(rig->decoder);
+    nvsp_destroy(rig->encoder);
+    nvsp_destroy(rig->prior);
+    nvsp_destroy(rig->engine);
     memset(rig, 0, sizeof *rig);
 }
 
@@ -191,7 +193,7 @@ void rig_reopen(rig *rig) {
     MUST(nvsp_prior_open(rig->engine, dive.prior, NULL, &anew));
     EXPECT(NVSP_OK, nvsp_encoder_reopen(rig->encoder, rig->engine, anew));
     EXPECT(NVSP_OK, nvsp_decoder_reopen(rig->decoder, rig->engine, anew));
-    nvsp_prior_destroy(rig->prior);
+    nvsp_destroy(rig->prior);
     rig->prior = anew;
 }
 
@@ -233,7 +235,7 @@ const nvsp_frame_info *with_hint(const nvsp_pose *hint) {
 }
 
 void encode_all(rig *rig, const scene *scene, packet *packets) {
-    const size_t room = nvsp_packet_bound(scene->camera.width, scene->camera.height);
+    const size_t room = nvsp_size_bound(NVSP_SIZE_PACKET, scene->camera.width, scene->camera.height);
     for (int i = 0; i < scene->frames; i++) {
         const nvsp_image image = scene_image(scene, i);
         uint8_t *bytes = malloc(room);

@@ -31,6 +31,7 @@ int few(void);
 typedef struct scene {
     // Paths.
     char prior[512], other_prior[512], preprocessed_prior[512], compact_prior[512], blocked_prior[512];
+    char paper_packet[512], paper_picture[512];
     nvsp_camera camera;
     int frames;
     nvsp_pose poses[MAX_FRAMES];
@@ -102,6 +103,8 @@ const nvsp_frame_info *with_hint(const nvsp_pose *hint);
 
 // The content of a file, from malloc.
 uint8_t *read_all(const char *path, size_t *size);
+// The pixels of a PPM of the scene's size, from malloc.
+uint8_t *read_picture(const scene *scene, const char *path);
 
 // Uniform random numbers, the same for a seed everywhere (SplitMix64).
 uint64_t random_bits(uint64_t *state);
@@ -120,6 +123,8 @@ uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size);
 #define SESSION_LATENT 24
 #define LATENT 20
 #define SESSION 25
+// Bytes of a check of the render, which comes with both as long as nothing is acknowledged.
+#define RENDER_CHECK 6
 
 // Makes the check of a latent part right.
 void seal_latent(uint8_t *packet, size_t latent);

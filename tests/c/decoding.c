@@ -10,7 +10,7 @@ static uint8_t *shown[MAX_FRAMES];  // What the encoder says that the topside wi
 static void encode_dive(void) {
     for (int i = 0; i < dive.frames; i++) {
         const nvsp_image image = scene_image(&dive, i);
-        const size_t room = nvsp_packet_bound(dive.camera.width, dive.camera.height);
+        const size_t room = nvsp_size_bound(NVSP_SIZE_PACKET, dive.camera.width, dive.camera.height);
         packets[i].bytes = malloc(room);
         MUST(nvsp_encode(both.encoder, &image, with_hint(i == 0 ? &dive.poses[0] : NULL), packets[i].bytes, room,
                          &packets[i].size, NULL));
@@ -33,7 +33,9 @@ static void the_encoders_pictures(void) {
         CHECK(memcmp(pixels, shown[i], dive.size) == 0);
         CHECK(info.frame == (uint32_t)i && info.width == dive.camera.width);
         CHECK(info.height == dive.camera.height && info.rows == info.height);
-        CHECK(info.damage == NVSP_OK && info.flags == NVSP_FRAME_POSITION_KNOWN);
+        // With prior and camera, which the first packet states, comes a check of the render.
+        const uint32_t checked = i == 0 ? NVSP_DECODED_SAME_RENDER : 0;
+        CHECK(info.damage == NVSP_OK && info.flags == (NVSP_FRAME_POSITION_KNOWN | checked));
         CHECK(psnr(pixels, dive.pixels[i], dive.size) > 30);
     }
     // In any order, once the camera is known.
@@ -121,30 +123,27 @@ static void key_frames(void) {
     MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
     EXPECT(NVSP_OK, nvsp_prior_get_info(other, &info));
     CHECK(info.key_frames == 3);
-    nvsp_prior_destroy(other);
+    nvsp_destroy(other);
 }
 
-// The paper's profile: absolute poses, told without the prior.
-static void papers_profile(void) {
-    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
-    options.profile = NVSP_PROFILE_PAPER;
-    options.first_frame = (1 << 24) + 5;
-    nvsp_encoder *encoder = NULL;
-    MUST(nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder));
-    const nvsp_image image = scene_image(&dive, 0);
-    uint8_t bytes[4096];
+// A packet as the paper codes it: an absolute pose, told without the prior, and WebP.
+static void papers_packet(void) {
     size_t size = 0;
-    nvsp_frame_stats stats;
-    nvsp_header header;
-    MUST(NVSP_INIT(&stats));
-    MUST(NVSP_INIT(&header));
-    EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, &stats));
+    uint8_t *bytes = read_all(dive.paper_packet, &size), *expected = read_picture(&dive, dive.paper_picture);
+    uint8_t *pixels = malloc(dive.size);
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    nvsp_header header = NVSP_INITIALIZER(nvsp_header);
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     EXPECT(NVSP_OK, nvsp_decode_header(bytes, 36, NULL, &header));
     CHECK(header.latent_bytes == 36 && header.frame == 5);
     CHECK(header.flags & NVSP_HEADER_POSE);
-    CHECK(memcmp(&stats.pose, &header.pose, sizeof stats.pose) == 0);
+    EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, &info));
+    CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
+    CHECK(memcmp(pixels, expected, dive.size) == 0);
     EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, 35, NULL, &header));
-    nvsp_encoder_destroy(encoder);
+    free(bytes);
+    free(expected);
+    free(pixels);
 }
 
 // A place of another format, with `padding` bytes after each row and a guard at the end.
@@ -182,7 +181,7 @@ static void invalid_places(void) {
         nvsp_status status;
         nvsp_picture place;
     } places[] = {
-        {NVSP_ERR_NULL, PLACE(valid.format, 0, NULL, valid.stride, valid.size)},
+        {NVSP_ERR_ARGUMENT, PLACE(valid.format, 0, NULL, valid.stride, valid.size)},
         {NVSP_ERR_ARGUMENT, PLACE(0, 0, pixels, valid.stride, valid.size)},
         {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_NV12, 0, pixels, valid.stride, valid.size)},
         {NVSP_ERR_ARGUMENT, PLACE(NVSP_FORMAT_I420, 0, pixels, valid.stride, valid.size)},
@@ -224,9 +223,9 @@ static void begun_and_finished(void) {
     nvsp_decoder *decoder = NULL;
     uint8_t *pixels = malloc(dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
-    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
-    EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 0));
-    EXPECT(NVSP_ERR_STATE, nvsp_decode_wait(decoder, 1));
+    MUST(nvsp_decoder_create(both.engine, both.prior, NULL, &decoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_wait(decoder, 0));
+    EXPECT(NVSP_ERR_STATE, nvsp_wait(decoder, 1));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
     for (int i = 0; i < dive.frames; i++) {
         uint8_t *bytes = malloc(packets[i].size);
@@ -235,19 +234,19 @@ static void begun_and_finished(void) {
         EXPECT(NVSP_OK, nvsp_decode_begin(decoder, bytes, packets[i].size, 0));
         free(bytes);  // Not needed any more.
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
-        EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
-        EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 0));
+        EXPECT(NVSP_OK, nvsp_wait(decoder, 60000));
+        EXPECT(NVSP_OK, nvsp_wait(decoder, 0));
         EXPECT(NVSP_ERR_UNFINISHED, nvsp_decode_begin(decoder, packets[i].bytes, packets[i].size, 0));
         EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, &info));
         CHECK(memcmp(pixels, shown[i], dive.size) == 0 && info.frame == (uint32_t)i);
     }
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode_begin(decoder, packets[0].bytes, packets[0].size, 2));
     EXPECT(NVSP_OK, nvsp_decode_begin(decoder, packets[0].bytes, SESSION_LATENT - 1, 0));
-    EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
+    EXPECT(NVSP_OK, nvsp_wait(decoder, 60000));
     EXPECT(NVSP_ERR_PACKET, nvsp_decode_finish(decoder, &place, NULL));
     EXPECT(NVSP_ERR_STATE, nvsp_decode_finish(decoder, &place, NULL));
     EXPECT(NVSP_OK, nvsp_decode_begin(decoder, packets[0].bytes, packets[0].size, 0));
-    nvsp_decoder_destroy(decoder);
+    nvsp_destroy(decoder);
     free(pixels);
 }
 
@@ -257,12 +256,12 @@ static void unknown_to_the_topside(void) {
     nvsp_decoder *decoder = NULL;
     nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
-    MUST(nvsp_decoder_create(both.engine, other, &decoder));
+    MUST(nvsp_decoder_create(both.engine, other, NULL, &decoder));
     EXPECT(NVSP_ERR_OTHER_PRIOR,
            nvsp_decode(decoder, packets[0].bytes, packets[0].size, 0, NULL, &info));
-    nvsp_decoder_destroy(decoder);
-    nvsp_prior_destroy(other);
-    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+    nvsp_destroy(decoder);
+    nvsp_destroy(other);
+    MUST(nvsp_decoder_create(both.engine, both.prior, NULL, &decoder));
     EXPECT(NVSP_ERR_CAMERA_UNKNOWN,
            nvsp_decode(decoder, packets[1].bytes, packets[1].size, 0, NULL, &info));
     CHECK(info.width == 0);
@@ -281,7 +280,7 @@ static void unknown_to_the_topside(void) {
     CHECK(says(decoder, "wait for one that states this prior"));
     EXPECT(NVSP_OK, nvsp_decode(decoder, packets[0].bytes, packets[0].size, 0, NULL, &info));
     EXPECT(NVSP_OK, nvsp_decode(decoder, packets[1].bytes, packets[1].size, 0, NULL, &info));
-    nvsp_decoder_destroy(decoder);
+    nvsp_destroy(decoder);
 }
 
 // A packet without its end gives the render alone. With NVSP_DECODE_START it gives what came of the
@@ -363,16 +362,14 @@ static void messages(void) {
 
 int main(int argc, char **argv) {
     set_up(argc, argv);
-    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
-    options.threshold = 1e-2f;  // So that the object that the prior does not know makes no frame uncertain.
-    rig_add(&both, &dive.camera, &options);
+    rig_add(&both, &dive.camera, NULL);
     encode_dive();
 
     the_encoders_pictures();
     filtered();
     headers();
     key_frames();
-    papers_profile();
+    papers_packet();
     const uint32_t formats[] = {NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8, NVSP_FORMAT_RGBA8};
     for (int i = 0; i < 6; i++) {
         place_with_padding(formats[i % 3], i < 3 ? 0 : 11);

@@ -168,12 +168,12 @@ static size_t encode(const nvsp_image *image, uint8_t *bytes, size_t room, int o
         for (int i = 0; i < count; i++) {
             CHECK(buffers[i].reading == 0);  // The image is the caller's again.
         }
-        EXPECT(NVSP_OK, nvsp_encode_wait(encoder, 600000));
+        EXPECT(NVSP_OK, nvsp_wait(encoder, 600000));
         EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, room, &size, NULL));
     } else {
         EXPECT(NVSP_OK, nvsp_encode(encoder, image, with_hint(&dive.poses[0]), bytes, room, &size, NULL));
     }
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     return size;
 }
 
@@ -245,10 +245,10 @@ static void same_packets(void) {
     moved.dmabufs[1] = uv;
     moved.offsets[0] = moved.offsets[1] = 0;
     CHECK(encode(&moved, found, sizeof found, 0) == bytes && memcmp(plain, found, bytes) == 0);
-    nvsp_dmabuf_destroy(dmabuf);
-    nvsp_dmabuf_destroy(y);
-    nvsp_dmabuf_destroy(uv);
-    nvsp_dmabuf_destroy(NULL);
+    nvsp_destroy(dmabuf);
+    nvsp_destroy(y);
+    nvsp_destroy(uv);
+    nvsp_destroy(NULL);
     CHECK(mappings() == 3);  // This program's own.
     end_buffers();
     CHECK(descriptors() == open_before);
@@ -282,7 +282,7 @@ static void invalid_images(void) {
     wrong = valid;
     wrong.dmabufs[0] = NULL;
     wrong.dmabufs[1] = dmabuf;
-    refuse(NVSP_ERR_NULL, &wrong, "dmabufs");
+    refuse(NVSP_ERR_ARGUMENT, &wrong, "dmabufs");
     const size_t beyond[] = {size + 1, SIZE_MAX, SIZE_MAX / 2};
     for (int i = 0; i < 3; i++) {
         wrong = valid;
@@ -318,7 +318,7 @@ static void invalid_images(void) {
     const size_t bytes = encode(&image, plain, sizeof plain, 0);
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &valid, with_hint(&dive.poses[0]), found, sizeof found, &written, NULL));
     CHECK(written == bytes && memcmp(plain, found, bytes) == 0);
-    nvsp_dmabuf_destroy(dmabuf);
+    nvsp_destroy(dmabuf);
     end_buffers();
 }
 
@@ -333,8 +333,8 @@ static void refuse_import(nvsp_status status, int fd, uint64_t modifier, const c
 static void invalid_buffers(void) {
     buffer *of = make_buffer(frame_size());
     nvsp_dmabuf *made = NULL;
-    EXPECT(NVSP_ERR_NULL, nvsp_dmabuf_import(NULL, of->fd, 0, &made));
-    EXPECT(NVSP_ERR_NULL, nvsp_dmabuf_import(both.engine, of->fd, 0, NULL));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_dmabuf_import(NULL, of->fd, 0, &made));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_dmabuf_import(both.engine, of->fd, 0, NULL));
     const struct {
         uint64_t modifier;
         const char *named;
@@ -399,7 +399,7 @@ static void real_buffers(void) {
     nvsp_dmabuf *dmabuf = import(fd);
     const nvsp_image moved = in_dmabuf(&image, dmabuf, 0);
     CHECK(encode(&moved, found, sizeof found, 1) == bytes && memcmp(plain, found, bytes) == 0);
-    nvsp_dmabuf_destroy(dmabuf);
+    nvsp_destroy(dmabuf);
     munmap(at, size);
     close(fd);
     close(memory);

@@ -70,7 +70,7 @@ static void calling_thread(uint32_t width, uint32_t scale, uint32_t format, cons
         const long before = allocations;
         MUST(nvsp_encode_begin(encoder, &image, with_hint(frame == -warm ? &dive.poses[0] : NULL)));
         const double ended = now(CLOCK_MONOTONIC), ended_own = now(CLOCK_THREAD_CPUTIME_ID);
-        MUST(nvsp_encode_wait(encoder, 600000));
+        MUST(nvsp_wait(encoder, 600000));
         const double fetching = now(CLOCK_MONOTONIC);
         size_t size = 0;
         MUST(nvsp_encode_finish(encoder, packet, sizeof packet, &size, NULL));
@@ -89,7 +89,7 @@ static void calling_thread(uint32_t width, uint32_t scale, uint32_t format, cons
            name, image.width, image.height, camera.width, camera.height, wall[frames / 2], own[frames / 2],
            wall[frames - 1], finish[frames / 2], taken, frames);
     CHECK(taken == 0);
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     free(bytes);
 }
 
@@ -104,14 +104,14 @@ static void polls(void) {
         MUST(nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
         for (nvsp_status status = NVSP_PENDING; status == NVSP_PENDING; pending++) {
             const double began = now(CLOCK_MONOTONIC);
-            status = nvsp_encode_wait(both.encoder, 0);
+            status = nvsp_wait(both.encoder, 0);
             const double took = now(CLOCK_MONOTONIC) - began;
             spent += took;
             longest = took > longest ? took : longest;
         }
         MUST(nvsp_encode_finish(both.encoder, packet, sizeof packet, &size, NULL));
     }
-    printf("nvsp_encode_wait of 0 ms, a frame under way: %.0f ns (%ld polls, at most %.3f ms)\n",
+    printf("nvsp_wait of 0 ms, a frame under way: %.0f ns (%ld polls, at most %.3f ms)\n",
            spent / (double)pending * 1e6, pending, longest);
 }
 
@@ -120,11 +120,11 @@ static void idle_polls(void) {
     const long count = few() ? 100 : 100000, before = allocations;
     const double began = now(CLOCK_MONOTONIC);
     for (long i = 0; i < count; i++) {
-        if (nvsp_encode_wait(both.encoder, 0) != NVSP_ERR_STATE) {
+        if (nvsp_wait(both.encoder, 0) != NVSP_ERR_STATE) {
             CHECK(0);
         }
     }
-    printf("nvsp_encode_wait of 0 ms, nothing begun: %.0f ns, %ld allocations in %ld polls\n",
+    printf("nvsp_wait of 0 ms, nothing begun: %.0f ns, %ld allocations in %ld polls\n",
            (now(CLOCK_MONOTONIC) - began) / (double)count * 1e6, allocations - before, count);
 }
 

@@ -193,6 +193,14 @@ static void sealed_cameras(void) {
     offer(bytes, sizeof bytes);
 }
 
+// Opens a prior from a file's content.
+static nvsp_status open_content(const uint8_t *bytes, size_t size, nvsp_prior **prior) {
+    nvsp_prior_options options = NVSP_INITIALIZER(nvsp_prior_options);
+    options.content = bytes;
+    options.content_size = size;
+    return nvsp_prior_open(both.engine, NULL, &options, prior);
+}
+
 // Priors that are damaged in their header or in their splats.
 static void damaged_priors(int rounds) {
     size_t size = 0;
@@ -217,11 +225,11 @@ static void damaged_priors(int rounds) {
         }
         uint8_t *copy = copy_of(bytes, left);
         nvsp_prior *prior = NULL;
-        const nvsp_status status = nvsp_prior_open_memory(both.engine, copy, left, NULL, &prior);
+        const nvsp_status status = open_content(copy, left, &prior);
         CHECK(status == NVSP_OK || status == NVSP_ERR_PRIOR || status == NVSP_ERR_ARGUMENT);
         CHECK((status == NVSP_OK) == (prior != NULL));
         opened += prior != NULL;
-        nvsp_prior_destroy(prior);
+        nvsp_destroy(prior);
         free(copy);
     }
     CHECK(opened > 0 && opened < rounds);
@@ -241,8 +249,7 @@ static void absurd_priors(void) {
                  counts[i]);
         uint8_t *copy = copy_of((const uint8_t *)text, strlen(text));
         nvsp_prior *prior = NULL;
-        EXPECT(NVSP_ERR_PRIOR,
-               nvsp_prior_open_memory(both.engine, copy, strlen(text), NULL, &prior));
+        EXPECT(NVSP_ERR_PRIOR, open_content(copy, strlen(text), &prior));
         free(copy);
     }
 }
@@ -284,9 +291,9 @@ int main(int argc, char **argv) {
     uint8_t bytes[4096];
     size_t size = 0;
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, sizeof bytes, &size, NULL));
-    nvsp_collector_destroy(collector);
-    nvsp_sender_destroy(sender);
-    nvsp_sender_destroy(unprotected);
+    nvsp_destroy(collector);
+    nvsp_destroy(sender);
+    nvsp_destroy(unprotected);
     printf("garbage: %ld shown, %ld refused\n", shown, refused);
     return tear_down();
 }

@@ -293,7 +293,7 @@ static void on_own_device(const packet *expected, const uint8_t *shown, VkBool32
         give_up("no thread");
     }
     // The engine's own handle goes first: the others keep what they need.
-    nvsp_engine_destroy(both.engine);
+    nvsp_destroy(both.engine);
     both.engine = NULL;
     whole_way(&both, expected, shown);
     stop = 1;
@@ -369,7 +369,7 @@ static void what_does_not_fit(void) {
 #define WITHOUT(field) \
     wrong = valid; \
     wrong.field = NULL; \
-    refused(NVSP_ERR_NULL, &wrong, "nvsp_vulkan." #field)
+    refused(NVSP_ERR_ARGUMENT, &wrong, "nvsp_vulkan." #field)
     WITHOUT(get_instance_proc_addr);
     WITHOUT(instance);
     WITHOUT(physical_device);
@@ -408,7 +408,7 @@ static void what_does_not_fit(void) {
     nvsp_engine_options options = NVSP_INITIALIZER(nvsp_engine_options);
     nvsp_engine *engine = NULL;
     options.vulkan = &wrong;
-    EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_engine_create(&options, &engine));
+    EXPECT(NVSP_ERR_STRUCTURE, nvsp_engine_create(&options, &engine));
     // Fields that exclude each other.
     options.vulkan = &valid;
     options.device = "0";

@@ -46,19 +46,19 @@ static void both_ways(nvsp_encoder *encoder, nvsp_decoder *decoder) {
 
 static void at_width(uint32_t width, uint32_t mode) {
     const nvsp_camera camera = scaled_camera(&dive, width);
-    const long pixels = pixels_of(&camera), stream = mode == NVSP_MODE_STREAM;
+    const long pixels = pixels_of(&camera), stream = mode == NVSP_MODE_CHAIN;
     nvsp_memory_estimate estimate = NVSP_INITIALIZER(nvsp_memory_estimate);
     MUST(nvsp_prior_estimate(dive.prior, &camera, &estimate));
     nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
     options.mode = mode;
     const long before = held;
     MUST(nvsp_encoder_create(both.engine, both.prior, &camera, &options, &both.encoder));
-    MUST(nvsp_decoder_create(both.engine, both.prior, &both.decoder));
+    MUST(nvsp_decoder_create(both.engine, both.prior, NULL, &both.decoder));
     both_ways(both.encoder, both.decoder);
     const long all = held - before;
-    nvsp_encoder_destroy(both.encoder);
+    nvsp_destroy(both.encoder);
     const long decoder = held - before, encoder = all - decoder;
-    nvsp_decoder_destroy(both.decoder);
+    nvsp_destroy(both.decoder);
     both.encoder = NULL;
     both.decoder = NULL;
     printf("%u x %u%s: encoder %ld bytes, decoder %ld: %.1f and %.1f per pixel\n", camera.width, camera.height,
@@ -81,7 +81,7 @@ int main(int argc, char **argv) {
     const uint32_t widths[] = {96, 160, 320, 640, 1280};
     for (int i = 0; i < (few() ? 1 : 5); i++) {
         at_width(widths[i], NVSP_MODE_INTRA);
-        at_width(widths[i], NVSP_MODE_STREAM);
+        at_width(widths[i], NVSP_MODE_CHAIN);
     }
     return tear_down();
 }

@@ -62,11 +62,11 @@ static void cancelled(void) {
     size_t size = 77;
     hang();
     EXPECT(NVSP_OK, nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
-    EXPECT(NVSP_PENDING, nvsp_encode_wait(both.encoder, WATCHDOG / 10));
-    EXPECT(NVSP_PENDING, nvsp_encode_cancel(both.encoder));
+    EXPECT(NVSP_PENDING, nvsp_wait(both.encoder, WATCHDOG / 10));
+    EXPECT(NVSP_PENDING, nvsp_cancel(both.encoder));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_encoder_reset(both.encoder));
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(both.encoder, 20 * WATCHDOG));
-    EXPECT(NVSP_OK, nvsp_encode_cancel(both.encoder));
+    EXPECT(NVSP_ERR_STATE, nvsp_wait(both.encoder, 20 * WATCHDOG));
+    EXPECT(NVSP_OK, nvsp_cancel(both.encoder));
     EXPECT(NVSP_ERR_STATE, nvsp_encode_finish(both.encoder, bytes, sizeof bytes, &size, NULL));
     EXPECT(NVSP_ERR_DEVICE_LOST, encode(&both, 0, bytes, &size));
     // The way back is that of a lost device.
@@ -100,8 +100,8 @@ static void decoding(void) {
     // A packet that was cancelled is none that was decoded; the encoder goes on in full.
     const nvsp_image image = scene_image(&dive, 1);
     EXPECT(NVSP_OK, nvsp_encode_begin(both.encoder, &image, NULL));
-    EXPECT(NVSP_OK, nvsp_encode_wait(both.encoder, 60000));
-    EXPECT(NVSP_OK, nvsp_encode_cancel(both.encoder));
+    EXPECT(NVSP_OK, nvsp_wait(both.encoder, 60000));
+    EXPECT(NVSP_OK, nvsp_cancel(both.encoder));
     MUST(encode(&both, 2, bytes, &size));
     nvsp_header header = NVSP_INITIALIZER(nvsp_header);
     MUST(nvsp_decode_header(bytes, size, NULL, &header));

@@ -15,7 +15,7 @@ static size_t encode(const nvsp_image *image, const nvsp_encoder_options *option
         nvsp_picture place = place_of(shown, dive.camera.width, dive.camera.height);
         EXPECT(NVSP_OK, nvsp_encoder_get_picture(encoder, NVSP_PICTURE_SHOWN, &place));
     }
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     return size;
 }
 
@@ -171,7 +171,7 @@ static void refuse(nvsp_status status, nvsp_image image) {
     EXPECT(status, nvsp_encode(both.encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written,
                                NULL));
     EXPECT(status, nvsp_encode_begin(both.encoder, &image, with_hint(&dive.poses[0])));
-    EXPECT(NVSP_ERR_STATE, nvsp_encode_wait(both.encoder, 0));
+    EXPECT(NVSP_ERR_STATE, nvsp_wait(both.encoder, 0));
     CHECK(written == 77 && all_are(bytes, 0xa5, sizeof bytes));
 }
 
@@ -179,7 +179,7 @@ static void invalid_planes(void) {
     const nvsp_image valid = scene_image(&dive, 0);
     nvsp_image image = valid;
     image.planes[0] = NULL;
-    refuse(NVSP_ERR_NULL, image);
+    refuse(NVSP_ERR_ARGUMENT, image);
     const size_t strides[] = {0, 1, valid.strides[0] - 1, SIZE_MAX, SIZE_MAX / 2, SIZE_MAX / 54};
     for (size_t i = 0; i < sizeof strides / sizeof *strides; i++) {
         image = valid;
@@ -197,11 +197,11 @@ static void invalid_planes(void) {
     refuse(NVSP_ERR_ARGUMENT, image);
     image = valid;
     image.format = NVSP_FORMAT_NV12;  // Its second plane is missing.
-    refuse(NVSP_ERR_NULL, image);
+    refuse(NVSP_ERR_ARGUMENT, image);
     image.planes[1] = valid.planes[0];
     refuse(NVSP_ERR_IMAGE, image);
     image.format = NVSP_FORMAT_I420;
-    refuse(NVSP_ERR_NULL, image);
+    refuse(NVSP_ERR_ARGUMENT, image);
 }
 
 static void invalid_sizes_and_codes(void) {

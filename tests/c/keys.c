@@ -75,7 +75,7 @@ static void links(void) {
     uint32_t strange = 0;
     for (size_t i = 0; i < 3; i++) {
         strange += send(strangers[i], collector, &packets[1], 0, NVSP_ERR_FOREIGN, &event);
-        nvsp_sender_destroy(strangers[i]);
+        nvsp_destroy(strangers[i]);
     }
     EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, 1, bytes, sizeof bytes, &written, NULL));
     nvsp_collector_statistics came = NVSP_INITIALIZER(nvsp_collector_statistics);
@@ -105,73 +105,169 @@ static void links(void) {
     nvsp_collector *remembers = new_collector(&topside);
     send(forgetful, remembers, &packets[0], 0, NVSP_ERR_REPLAYED, &event);
     CHECK(send(again, remembers, &packets[1], 0, NVSP_OK, &event) > 0);
-    nvsp_sender_destroy(sender);
-    nvsp_sender_destroy(again);
-    nvsp_sender_destroy(forgetful);
-    nvsp_collector_destroy(collector);
-    nvsp_collector_destroy(remembers);
+    nvsp_destroy(sender);
+    nvsp_destroy(again);
+    nvsp_destroy(forgetful);
+    nvsp_destroy(collector);
+    nvsp_destroy(remembers);
 }
 
-// A packet in a file, say.
+static nvsp_decoder *new_decoder(const nvsp_keys *keys) {
+    nvsp_decoder *made = NULL;
+    MUST(nvsp_decoder_create(both.engine, both.prior, keys, &made));
+    return made;
+}
+
+static nvsp_encoder *keyed_encoder(const nvsp_keys *keys) {
+    nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
+    options.keys = keys;
+    return new_encoder(&options);
+}
+
+// Encodes the first frame.
+static nvsp_status encode(nvsp_encoder *encoder, uint8_t *bytes, size_t room, size_t *written,
+                          nvsp_frame_stats *stats) {
+    const nvsp_image image = scene_image(&dive, 0);
+    return nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, room, written, stats);
+}
+
+// Checks that a decoder refuses a packet, and reads nothing of it.
+static void refuse(nvsp_status wanted, nvsp_decoder *decoder, const uint8_t *bytes, size_t size) {
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
+    EXPECT(wanted, nvsp_decode_begin(decoder, bytes, size, 0));
+    EXPECT(NVSP_ERR_STATE, nvsp_wait(decoder, 0));
+    EXPECT(wanted, nvsp_decode(decoder, bytes, size, 0, NULL, &info));
+    CHECK(info.width == 0 && info.taken == 0);
+}
+
+// The encoder makes number and tag, and the decoder checks them.
 static void packets_without_a_modem(void) {
-    const nvsp_keys keys = keys_with(own_key, 7);
-    nvsp_authenticator *authenticator = NULL;
-    nvsp_verifier *verifier = NULL, *reports = NULL;
-    MUST(nvsp_authenticator_create(&keys, NVSP_CONTENT_PACKET, &authenticator));
-    MUST(nvsp_verifier_create(&keys, NVSP_CONTENT_PACKET, &verifier));
-    MUST(nvsp_verifier_create(&keys, NVSP_CONTENT_REPORT, &reports));
+    const nvsp_keys own = keys_with(own_key, 7), other = keys_with(other_key, 7), past = keys_with(own_key, 6);
+    nvsp_encoder *encoder = keyed_encoder(&own);
+    nvsp_decoder *decoder = new_decoder(&own);
     uint8_t bytes[4096];
-    size_t written = 0, offset = 77;
-    const size_t size = packets[0].size;
-    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL,
-           nvsp_authenticate(authenticator, 0, packets[0].bytes, size, bytes, size + 5, &written));
-    CHECK(written == size + 6);
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_authenticate(authenticator, 4, packets[0].bytes, size, bytes, 4096, &written));
-    uint64_t number = 77;
-    EXPECT(NVSP_OK, nvsp_authenticator_next_number(authenticator, &number));
-    CHECK(number == 0);
-    EXPECT(NVSP_OK, nvsp_authenticate(authenticator, 0, packets[0].bytes, size, bytes, size + 6, &written));
-    EXPECT(NVSP_ERR_FOREIGN, nvsp_verify(reports, bytes, written, &offset));
-    for (size_t cut = 0; cut < written; cut++) {
-        EXPECT(NVSP_ERR_FOREIGN, nvsp_verify(verifier, bytes, cut, &offset));
+    size_t written = 0;
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
+    // A packet that finds no room takes no number.
+    const size_t size = packets[0].size + 6;
+    EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, encode(encoder, bytes, size - 1, &written, &stats));
+    CHECK(written == size && stats.next_number == 0);
+    EXPECT(NVSP_OK, nvsp_encode_finish(encoder, bytes, size, &written, &stats));
+    CHECK(written == size && stats.bytes == size && stats.next_number == 1);
+    CHECK(memcmp(bytes + 6, packets[0].bytes, packets[0].size) == 0);
+    for (size_t i = 0; i < size; i++) {
+        refuse(NVSP_ERR_FOREIGN, decoder, bytes, i);
+        bytes[i] ^= 16;
+        refuse(NVSP_ERR_FOREIGN, decoder, bytes, size);
+        bytes[i] ^= 16;
     }
-    CHECK(offset == 77);
-    EXPECT(NVSP_OK, nvsp_verify(verifier, bytes, written, &offset));
-    CHECK(offset == 6 && memcmp(bytes + offset, packets[0].bytes, size) == 0);
-    EXPECT(NVSP_ERR_REPLAYED, nvsp_verify(verifier, bytes, written, &offset));
-    nvsp_authenticator_destroy(authenticator);
-    nvsp_verifier_destroy(verifier);
-    nvsp_verifier_destroy(reports);
+    refuse(NVSP_ERR_FOREIGN, decoder, packets[0].bytes, packets[0].size);
+    CHECK(says(decoder, "no key"));
+    const nvsp_keys *const strangers[] = {&other, &past};
+    for (int i = 0; i < 2; i++) {
+        nvsp_decoder *strange = new_decoder(strangers[i]);
+        refuse(NVSP_ERR_FOREIGN, strange, bytes, size);
+        nvsp_destroy(strange);
+    }
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decode(decoder, bytes, size, 2, NULL, NULL));
+    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
+    EXPECT(NVSP_OK, nvsp_decode(decoder, bytes, size, 0, NULL, &info));
+    CHECK(info.width == dive.camera.width && info.taken == 1 && info.damage == NVSP_OK);
+    refuse(NVSP_ERR_REPLAYED, decoder, bytes, size);
+
+    // On threads of their own, and both sides start again within the epoch.
+    nvsp_keys vehicle = own, topside = own;
+    vehicle.number = stats.next_number;
+    topside.taken[0] = info.taken;
+    nvsp_encoder *again = keyed_encoder(&vehicle), *forgetful = keyed_encoder(&own);
+    nvsp_decoder *remembers = new_decoder(&topside);
+    MUST(encode(forgetful, bytes, sizeof bytes, &written, NULL));
+    refuse(NVSP_ERR_REPLAYED, remembers, bytes, written);
+    MUST(encode(again, bytes, sizeof bytes, &written, &stats));
+    CHECK(stats.next_number == 2);
+    EXPECT(NVSP_OK, nvsp_decode_begin(remembers, bytes, written, 0));
+    EXPECT(NVSP_OK, nvsp_wait(remembers, 60000));
+    EXPECT(NVSP_OK, nvsp_decode_finish(remembers, NULL, &info));
+    CHECK(info.taken == 2);
+    nvsp_destroy(again);
+    nvsp_destroy(forgetful);
+    nvsp_destroy(remembers);
+    nvsp_destroy(encoder);
+    nvsp_destroy(decoder);
+}
+
+// Number and tag are a part of the packet, by which the budget counts, and the bound, whatever tags take.
+static void budgets_with_tags(void) {
+    nvsp_keys keys = keys_with(own_key, 7);
+    keys.tag_bytes = 16;
+    nvsp_encoder *encoder = keyed_encoder(&keys);
+    uint8_t bytes[4096];
+    size_t written = 0;
+    nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
+    MUST(encode(encoder, bytes, sizeof bytes, &written, NULL));
+    for (size_t budget = LATENT + 18; budget < 1500; budget += 1 + budget / 3) {
+        MUST(nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, (float)budget));
+        EXPECT(NVSP_OK, encode(encoder, bytes, budget, &written, &stats));
+        CHECK(written <= budget && stats.bytes == written);
+    }
+    MUST(nvsp_encoder_set_rate(encoder, NVSP_RATE_BYTES, LATENT + 17));
+    EXPECT(NVSP_ERR_BUDGET, encode(encoder, bytes, sizeof bytes, &written, NULL));
+    CHECK(says(encoder, "37") && says(encoder, "38"));
+    nvsp_destroy(encoder);
+    const nvsp_camera *camera = &dive.camera;
+    CHECK(nvsp_size_bound(NVSP_SIZE_PACKET, camera->width, camera->height) > 18 + packets[0].size);
+}
+
+// A packet that the topside has no memory for may come again; it is the same for a device that is lost.
+static void no_memory(void) {
+    const nvsp_keys keys = keys_with(own_key, 7);
+    nvsp_engine_options options = patient_options();
+    options.frame_size_limit = dive.camera.width * dive.camera.height - 1;
+    rig small = {0};
+    MUST(nvsp_engine_create(&options, &small.engine));
+    MUST(nvsp_prior_open(small.engine, dive.prior, NULL, &small.prior));
+    MUST(nvsp_decoder_create(small.engine, small.prior, &keys, &small.decoder));
+    nvsp_encoder *encoder = keyed_encoder(&keys);
+    uint8_t bytes[4096];
+    size_t written = 0;
+    MUST(encode(encoder, bytes, sizeof bytes, &written, NULL));
+    for (int i = 0; i < 3; i++) {
+        EXPECT(NVSP_ERR_MEMORY, nvsp_decode(small.decoder, bytes, written, 0, NULL, NULL));
+        EXPECT(NVSP_OK, nvsp_decode_begin(small.decoder, bytes, written, 0));
+        EXPECT(NVSP_OK, nvsp_wait(small.decoder, 60000));
+        EXPECT(NVSP_ERR_MEMORY, nvsp_decode_finish(small.decoder, NULL, NULL));
+    }
+    nvsp_destroy(encoder);
+    rig_close(&small);
 }
 
 // Keys that cannot be used: nothing is made.
 static void refusals(void) {
-    nvsp_verifier *made = NULL;
+    nvsp_decoder *made = NULL;
     uint8_t five[5 * NVSP_KEY_BYTES];
     memset(five, 0, sizeof five);
     for (uint32_t count = 0; count <= 5; count++) {
         // The keys are the same, which is refused, too.
         nvsp_keys keys = keys_with(five, 0);
         keys.count = count;
-        const nvsp_status status = nvsp_verifier_create(&keys, NVSP_CONTENT_FRAME, &made);
+        const nvsp_status status = nvsp_decoder_create(both.engine, both.prior, &keys, &made);
         CHECK(status == (count == 1 ? NVSP_OK : NVSP_ERR_ARGUMENT));
-        nvsp_verifier_destroy(count == 1 ? made : NULL);
+        nvsp_destroy(count == 1 ? made : NULL);
     }
     made = NULL;
     for (uint32_t bytes = 0; bytes <= 17; bytes++) {
         nvsp_keys keys = keys_with(own_key, 0);
         keys.tag_bytes = bytes;
-        const nvsp_status status = nvsp_verifier_create(&keys, NVSP_CONTENT_FRAME, &made);
+        const nvsp_status status = nvsp_decoder_create(both.engine, both.prior, &keys, &made);
         CHECK(status == (bytes == 1 || bytes == 17 ? NVSP_ERR_ARGUMENT : NVSP_OK));
-        nvsp_verifier_destroy(status == NVSP_OK ? made : NULL);
+        nvsp_destroy(status == NVSP_OK ? made : NULL);
     }
     made = NULL;
     nvsp_keys keys = keys_with(own_key, 0);
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_verifier_create(&keys, 4, &made));
     keys.number = (uint64_t)1 << 48;
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_verifier_create(&keys, NVSP_CONTENT_FRAME, &made));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_create(both.engine, both.prior, &keys, &made));
     keys = keys_with(NULL, 0);
-    EXPECT(NVSP_ERR_NULL, nvsp_verifier_create(&keys, NVSP_CONTENT_FRAME, &made));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_create(both.engine, both.prior, &keys, &made));
     // An MTU that has no room for tags and shares.
     nvsp_sender *sender = NULL;
     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
@@ -181,13 +277,13 @@ static void refusals(void) {
     options.keys = &keys;
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(21, &options, &sender));
     EXPECT(NVSP_OK, nvsp_sender_create(22, &options, &sender));
-    nvsp_sender_destroy(sender);
+    nvsp_destroy(sender);
     sender = NULL;
     // Without protection modem frames of 8 bytes will do, and on the other side always.
     options.flags = NVSP_SENDER_UNPROTECTED;
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(13, &options, &sender));
     EXPECT(NVSP_OK, nvsp_sender_create(14, &options, &sender));
-    nvsp_sender_destroy(sender);
+    nvsp_destroy(sender);
     sender = NULL;
     nvsp_collector *collector = NULL;
     nvsp_collector_options collects = NVSP_INITIALIZER(nvsp_collector_options);
@@ -197,9 +293,9 @@ static void refusals(void) {
     EXPECT(NVSP_ERR_MODEM, nvsp_collector_memory(13, &collects, &memory));
     CHECK(memory == 77 && collector == NULL);
     EXPECT(NVSP_OK, nvsp_collector_create(14, &collects, &collector));
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
     keys.struct_size = 5;
-    EXPECT(NVSP_ERR_STRUCT_SIZE, nvsp_sender_create(NVSP_MTU_64, &options, &sender));
+    EXPECT(NVSP_ERR_STRUCTURE, nvsp_sender_create(NVSP_MTU_64, &options, &sender));
     CHECK(made == NULL && sender == NULL);
 }
 
@@ -211,6 +307,8 @@ int main(int argc, char **argv) {
     memset(other_key, 2, sizeof other_key);
     links();
     packets_without_a_modem();
+    budgets_with_tags();
+    no_memory();
     refusals();
     return tear_down();
 }

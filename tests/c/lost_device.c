@@ -36,7 +36,7 @@ static void all_is_lost(rig *both, int frame) {
         EXPECT(NVSP_ERR_DEVICE_LOST,
                nvsp_encode(both->encoder, &image, with_hint(pose), bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_OK, nvsp_encode_begin(both->encoder, &image, with_hint(pose)));
-        EXPECT(NVSP_OK, nvsp_encode_wait(both->encoder, 60000));
+        EXPECT(NVSP_OK, nvsp_wait(both->encoder, 60000));
         EXPECT(NVSP_ERR_DEVICE_LOST,
                nvsp_encode_finish(both->encoder, bytes, sizeof bytes, &size, NULL));
         EXPECT(NVSP_ERR_DEVICE_LOST,

@@ -53,7 +53,7 @@ static nvsp_status try_sender(void) {
         MUST(nvsp_sender_plan(made, 0, &budget));
         MUST(nvsp_sender_push(made, 0, packets[0].bytes, packets[0].size, NULL, 0, NULL));
     }
-    nvsp_sender_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -64,7 +64,7 @@ static nvsp_status try_collector(void) {
     options.shares = 256;
     const nvsp_status status = nvsp_collector_create(4096, &options, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
-    nvsp_collector_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -72,7 +72,7 @@ static nvsp_status try_prior(void) {
     nvsp_prior *made = NULL;
     const nvsp_status status = nvsp_prior_open(both.engine, dive.prior, NULL, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
-    nvsp_prior_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -80,7 +80,7 @@ static nvsp_status try_compact_prior(void) {
     nvsp_prior *made = NULL;
     const nvsp_status status = nvsp_prior_open(both.engine, dive.compact_prior, NULL, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
-    nvsp_prior_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -102,8 +102,8 @@ static nvsp_status try_blocked_prior(void) {
         status = nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &written, NULL);
         CHECK((status == NVSP_OK) == (written != 77));
     }
-    nvsp_encoder_destroy(encoder);
-    nvsp_prior_destroy(made);
+    nvsp_destroy(encoder);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -121,7 +121,7 @@ static nvsp_status encode_with(const nvsp_camera *camera) {
             CHECK(written == packets[0].size && memcmp(bytes, packets[0].bytes, written) == 0);
         }
     }
-    nvsp_encoder_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -135,7 +135,7 @@ static nvsp_status try_large_encoder(void) {
 static nvsp_status decode_with(nvsp_decoder *decoder, const uint8_t *bytes, size_t size) {
     nvsp_status status = nvsp_decode_begin(decoder, bytes, size, 0);
     if (status == NVSP_OK) {
-        MUST(nvsp_decode_wait(decoder, 600000));
+        MUST(nvsp_wait(decoder, 600000));
         status = nvsp_decode_finish(decoder, NULL, NULL);
     }
     return status;
@@ -144,24 +144,24 @@ static nvsp_status decode_with(nvsp_decoder *decoder, const uint8_t *bytes, size
 // On the decoder's own thread.
 static nvsp_status try_decoder(void) {
     nvsp_decoder *made = NULL;
-    nvsp_status status = nvsp_decoder_create(both.engine, both.prior, &made);
+    nvsp_status status = nvsp_decoder_create(both.engine, both.prior, NULL, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
     if (status == NVSP_OK) {
         status = decode_with(made, packets[0].bytes, packets[0].size);
     }
-    nvsp_decoder_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
 // Two frames of a stream, on both sides: the first takes memory for reference frames.
 static nvsp_status try_stream(void) {
     nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
-    options.mode = NVSP_MODE_STREAM;
+    options.mode = NVSP_MODE_CHAIN;
     nvsp_encoder *encoder = NULL;
     nvsp_decoder *decoder = NULL;
     nvsp_status status = nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder);
     if (status == NVSP_OK) {
-        status = nvsp_decoder_create(both.engine, both.prior, &decoder);
+        status = nvsp_decoder_create(both.engine, both.prior, NULL, &decoder);
     }
     for (int frame = 0; frame < 2 && status == NVSP_OK; frame++) {
         const nvsp_image image = scene_image(&dive, frame);
@@ -174,8 +174,8 @@ static nvsp_status try_stream(void) {
             CHECK(status != NVSP_OK || (decoded.flags & NVSP_DECODED_KEPT));
         }
     }
-    nvsp_encoder_destroy(encoder);
-    nvsp_decoder_destroy(decoder);
+    nvsp_destroy(encoder);
+    nvsp_destroy(decoder);
     return status;
 }
 
@@ -198,11 +198,11 @@ static void make_hostile(void) {
 
 static nvsp_status try_hostile(void) {
     nvsp_decoder *made = NULL;
-    nvsp_status status = nvsp_decoder_create(both.engine, both.prior, &made);
+    nvsp_status status = nvsp_decoder_create(both.engine, both.prior, NULL, &made);
     if (status == NVSP_OK) {
         status = nvsp_decode(made, hostile, sizeof hostile, 0, NULL, NULL);
     }
-    nvsp_decoder_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 
@@ -210,7 +210,7 @@ static nvsp_status try_engine(void) {
     nvsp_engine *made = NULL;
     const nvsp_status status = nvsp_engine_create(NULL, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
-    nvsp_engine_destroy(made);
+    nvsp_destroy(made);
     return status;
 }
 

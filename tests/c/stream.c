@@ -2,11 +2,9 @@
 
 #include "common.h"
 
-static nvsp_encoder_options stream_options(uint32_t structure, uint32_t key_every) {
+static nvsp_encoder_options stream_options(uint32_t mode) {
     nvsp_encoder_options options = NVSP_INITIALIZER(nvsp_encoder_options);
-    options.mode = NVSP_MODE_STREAM;
-    options.structure = structure;
-    options.key_every = key_every;
+    options.mode = mode;
     options.rate = NVSP_RATE_QUALITY;
     options.rate_value = 30;
     return options;
@@ -58,7 +56,7 @@ static nvsp_decoded decode(const run *run, int frame, int whole) {
 }
 
 static void a_chain_and_a_loss(void) {
-    const nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_CHAIN, 5);
+    const nvsp_encoder_options options = stream_options(NVSP_MODE_CHAIN | NVSP_KEY_EVERY(5));
     nvsp_encoder *encoder = new_encoder(&options);
     run chain = {0};
     for (int i = 0; i < dive.frames; i++) {
@@ -70,8 +68,8 @@ static void a_chain_and_a_loss(void) {
         decode(&chain, i, 1);
     }
     // A topside that has nothing of it: the second frame is lost.
-    nvsp_decoder_destroy(both.decoder);
-    MUST(nvsp_decoder_create(both.engine, both.prior, &both.decoder));
+    nvsp_destroy(both.decoder);
+    MUST(nvsp_decoder_create(both.engine, both.prior, NULL, &both.decoder));
     decode(&chain, 0, 1);
     int lost = 1;
     for (int i = 2; i < dive.frames; i++) {
@@ -81,14 +79,37 @@ static void a_chain_and_a_loss(void) {
     // It comes after all.
     decode(&chain, 1, 1);
     decode(&chain, 2, 1);
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     free_run(&chain);
 }
 
+// The reference frames of the other modes, and how often key frames come.
+static void modes(void) {
+    const struct {
+        uint32_t mode;
+        uint32_t distances[MAX_FRAMES];
+    } all[] = {{NVSP_MODE_INTRA, {0}},
+               {NVSP_MODE_CHAIN, {0, 1, 1, 1, 1, 1, 1, 1}},
+               {NVSP_MODE_CHAIN | NVSP_KEY_ONCE, {0, 1, 1, 1, 1, 1, 1, 1}},
+               {NVSP_MODE_LAYERS | NVSP_KEY_EVERY(8), {0, 1, 2, 1, 4, 1, 2, 1}},
+               {NVSP_MODE_KEYS | NVSP_KEY_EVERY(3), {0, 1, 2, 0, 1, 2, 0, 1}}};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        const nvsp_encoder_options options = stream_options(all[i].mode);
+        nvsp_encoder *encoder = new_encoder(&options);
+        run run = {0};
+        for (int frame = 0; frame < dive.frames; frame++) {
+            encode_frame(encoder, frame, &run);
+            CHECK(run.reference_distance[frame] == all[i].distances[frame]);
+        }
+        nvsp_destroy(encoder);
+        free_run(&run);
+    }
+}
+
 static void acknowledged_frames_are_reference_frames(void) {
-    const nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_ACKNOWLEDGED, 0);
+    const nvsp_encoder_options options = stream_options(NVSP_MODE_ACKNOWLEDGED);
     nvsp_encoder *encoder = new_encoder(&options);
-    EXPECT(NVSP_ERR_NULL, nvsp_encoder_acknowledge(NULL, 0));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_acknowledge(NULL, 0));
     run run = {0};
     encode_frame(encoder, 0, &run);
     encode_frame(encoder, 1, &run);
@@ -104,13 +125,13 @@ static void acknowledged_frames_are_reference_frames(void) {
     EXPECT(NVSP_OK, nvsp_encoder_announce(encoder));
     encode_frame(encoder, 3, &run);
     CHECK(run.reference_distance[3] == 0);
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     free_run(&run);
 }
 
 // The packets of two frames under way are those of one, and a frame that was cancelled is no reference of others.
 static void pipelined(void) {
-    nvsp_encoder_options options = stream_options(NVSP_STRUCTURE_CHAIN, NVSP_KEY_ONCE);
+    nvsp_encoder_options options = stream_options(NVSP_MODE_CHAIN | NVSP_KEY_ONCE);
     options.pipelined = 1;
     nvsp_encoder *encoder = new_encoder(&options);
     run run = {0};
@@ -121,31 +142,25 @@ static void pipelined(void) {
     CHECK(run.reference_distance[1] == 1 && run.reference_distance[2] == 1);
     const nvsp_image image = scene_image(&dive, 0);
     MUST(nvsp_encode_begin(encoder, &image, NULL));
-    MUST(nvsp_encode_wait(encoder, 60000));
-    MUST(nvsp_encode_cancel(encoder));
+    MUST(nvsp_wait(encoder, 60000));
+    MUST(nvsp_cancel(encoder));
     nvsp_frame_stats stats = NVSP_INITIALIZER(nvsp_frame_stats);
     uint8_t bytes[8192];
     size_t size = 0;
     MUST(nvsp_encode(encoder, &image, NULL, bytes, sizeof bytes, &size, &stats));
     CHECK(stats.reference_distance == 0);
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     free_run(&run);
 }
 
 static void refusals(void) {
-    nvsp_encoder_options wrong[4];
-    for (int i = 0; i < 4; i++) {
-        wrong[i] = stream_options(NVSP_STRUCTURE_CHAIN, 0);
-    }
-    wrong[0].mode = 2;
-    wrong[1].structure = 4;
-    wrong[2].residual = NVSP_RESIDUAL_WEBP;
-    wrong[3].mode = UINT32_MAX;
-    for (int i = 0; i < 4; i++) {
+    const uint32_t wrong[] = {5, NVSP_MODE_INTRA | NVSP_KEY_EVERY(8), NVSP_MODE_ACKNOWLEDGED | NVSP_KEY_EVERY(8),
+                              NVSP_MODE_ACKNOWLEDGED | NVSP_KEY_ONCE, UINT32_MAX};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        const nvsp_encoder_options options = stream_options(wrong[i]);
         nvsp_encoder *encoder = NULL;
-        EXPECT(NVSP_ERR_ARGUMENT,
-               nvsp_encoder_create(both.engine, both.prior, &dive.camera, &wrong[i], &encoder));
-        CHECK(encoder == NULL);
+        EXPECT(NVSP_ERR_ARGUMENT, nvsp_encoder_create(both.engine, both.prior, &dive.camera, &options, &encoder));
+        CHECK(encoder == NULL && says(both.engine, "nvsp_encoder_options.mode"));
     }
     CHECK(strstr(nvsp_status_text(NVSP_ERR_REFERENCE), "reference frame") != NULL);
 }
@@ -154,6 +169,7 @@ int main(int argc, char **argv) {
     set_up(argc, argv);
     rig_add(&both, &dive.camera, NULL);
     a_chain_and_a_loss();
+    modes();
     acknowledged_frames_are_reference_frames();
     pipelined();
     refusals();

@@ -25,8 +25,8 @@ static void *alone(void *unused) {
         nvsp_engine_info info = NVSP_INITIALIZER(nvsp_engine_info);
         EXPECT(NVSP_OK, nvsp_engine_get_info(both.engine, &info));
     }
-    nvsp_decoder_destroy(own.decoder);
-    nvsp_encoder_destroy(own.encoder);
+    nvsp_destroy(own.decoder);
+    nvsp_destroy(own.encoder);
     return NULL;
 }
 
@@ -54,11 +54,11 @@ static void *intrude(void *unused) {
     const nvsp_image image = NVSP_INITIALIZER(nvsp_image);
     while (!over) {
         const nvsp_status statuses[] = {
-            nvsp_encode_wait(both.encoder, 0),
-            nvsp_encode_wait(both.encoder, 0),
+            nvsp_wait(both.encoder, 0),
+            nvsp_wait(both.encoder, 0),
             nvsp_encode_begin(both.encoder, &image, NULL),
             nvsp_encoder_set_rate(both.encoder, NVSP_RATE_DEFAULT, 0),
-            nvsp_decode_wait(both.decoder, 0),
+            nvsp_wait(both.decoder, 0),
             nvsp_decoder_add_camera(both.decoder, &dive.camera),
             nvsp_decode(both.decoder, packets[0].bytes, 12, 0, NULL, NULL),
         };
@@ -137,11 +137,11 @@ static void threads_that_start(void) {
     size_t size = 0;
     for (int i = 0; i < 2; i++) {
         MUST(nvsp_encode_begin(own.encoder, &image, with_hint(&dive.poses[0])));
-        MUST(nvsp_encode_wait(own.encoder, 600000));
+        MUST(nvsp_wait(own.encoder, 600000));
         MUST(nvsp_encode_finish(own.encoder, bytes, sizeof bytes, &size, NULL));
         CHECK(started == (i == 0 ? 1 : 2));
         MUST(nvsp_decode_begin(own.decoder, bytes, size, 0));
-        MUST(nvsp_decode_wait(own.decoder, 600000));
+        MUST(nvsp_wait(own.decoder, 600000));
         MUST(nvsp_decode_finish(own.decoder, NULL, NULL));
         CHECK(started == 2);
     }
@@ -157,8 +157,8 @@ int main(int argc, char **argv) {
     rig_open(&both, &dive);
     rig_add(&both, &dive.camera, NULL);
     encode_all(&both, &dive, packets);
-    nvsp_encoder_destroy(both.encoder);
-    nvsp_decoder_destroy(both.decoder);
+    nvsp_destroy(both.encoder);
+    nvsp_destroy(both.decoder);
     rig_add(&both, &dive.camera, NULL);
 
     side_by_side();

@@ -43,7 +43,7 @@ static void measure(const uint8_t *frame, const uint8_t *shown, double *worst) {
 static nvsp_truth map_of(nvsp_decoder *decoder, uint8_t *levels) {
     nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
     size_t written = 0;
-    const size_t room = nvsp_truth_bound(dive.camera.width, dive.camera.height);
+    const size_t room = nvsp_size_bound(NVSP_SIZE_TRUTH, dive.camera.width, dive.camera.height);
     EXPECT(NVSP_OK, nvsp_decoder_get_truth(decoder, levels, room, &written, &truth));
     CHECK(written == room && truth.columns * truth.rows == room && truth.block_size == BLOCK && truth.reserved == 0);
     CHECK(truth.columns == (dive.camera.width + BLOCK - 1) / BLOCK);
@@ -105,7 +105,7 @@ static void at_rate(uint32_t rate, float value, uint32_t mode) {
             CHECK(end < size || truth.differs_above > 0);
         }
     }
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
 }
 
 static void all_rates(void) {
@@ -114,7 +114,7 @@ static void all_rates(void) {
         at_rate(NVSP_RATE_BYTES, budgets[i], NVSP_MODE_INTRA);
     }
     at_rate(NVSP_RATE_QUALITY, 10, NVSP_MODE_INTRA);
-    at_rate(NVSP_RATE_QUALITY, 10, NVSP_MODE_STREAM);
+    at_rate(NVSP_RATE_QUALITY, 10, NVSP_MODE_CHAIN);
     at_rate(NVSP_RATE_PSNR, 40, NVSP_MODE_INTRA);
     printf("blocks as seen %ld, different %ld, wrong %ld, not seen %ld\n", found[NVSP_TRUTH_AS_SEEN],
            found[NVSP_TRUTH_DIFFERS], found[NVSP_TRUTH_WRONG], found[NVSP_TRUTH_NOT_SEEN]);
@@ -132,7 +132,7 @@ static packet encoded(uint32_t no_truth) {
     packet made = {bytes[no_truth], 0};
     MUST(nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), made.bytes, sizeof bytes[0], &made.size, &stats));
     CHECK((stats.truth_bytes == 0) == (no_truth != 0));
-    nvsp_encoder_destroy(encoder);
+    nvsp_destroy(encoder);
     return made;
 }
 
@@ -150,7 +150,7 @@ static void which_picture(void) {
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
     uint8_t levels[MAX_BLOCKS];
     size_t written = 77;
-    MUST(nvsp_decoder_create(both.engine, both.prior, &decoder));
+    MUST(nvsp_decoder_create(both.engine, both.prior, NULL, &decoder));
     EXPECT(NVSP_ERR_STATE, nvsp_decoder_get_truth(decoder, levels, sizeof levels, &written, NULL));
     EXPECT(NVSP_ERR_PACKET, nvsp_decode(decoder, with.bytes, 5, 0, &place, NULL));
     EXPECT(NVSP_ERR_STATE, nvsp_decoder_get_truth(decoder, levels, sizeof levels, &written, NULL));
@@ -169,22 +169,25 @@ static void which_picture(void) {
     nothing_is_known(decoder);
     EXPECT(NVSP_OK, nvsp_decode_begin(decoder, with.bytes, with.size, 0));
     EXPECT(NVSP_ERR_UNFINISHED, nvsp_decoder_get_truth(decoder, levels, sizeof levels, &written, NULL));
-    EXPECT(NVSP_OK, nvsp_decode_wait(decoder, 60000));
+    EXPECT(NVSP_OK, nvsp_wait(decoder, 60000));
     EXPECT(NVSP_OK, nvsp_decode_finish(decoder, &place, NULL));
     CHECK(check_map(decoder, dive.pixels[0]).differs_above > 0);
-    nvsp_decoder_destroy(decoder);
+    nvsp_destroy(decoder);
 }
 
 static void places(void) {
     const uint32_t width = dive.camera.width, height = dive.camera.height;
-    const size_t room = nvsp_truth_bound(width, height);
+    const size_t room = nvsp_size_bound(NVSP_SIZE_TRUTH, width, height);
     uint8_t levels[MAX_BLOCKS];
     size_t written = 77;
     memset(levels, 0xa5, sizeof levels);
     CHECK(room == (size_t)((width + 15) / 16) * ((height + 15) / 16) && room <= sizeof levels);
-    CHECK(nvsp_truth_bound(1, 1) == 1 && nvsp_truth_bound(17, 16) == 2 && nvsp_truth_bound(4096, 4096) == 65536);
-    CHECK(nvsp_truth_bound(0, 54) == 0 && nvsp_truth_bound(96, 0) == 0);
-    CHECK(nvsp_truth_bound(4097, 54) == 0 && nvsp_truth_bound(96, UINT32_MAX) == 0);
+    const uint32_t sizes[][3] = {{1, 1, 1}, {17, 16, 2}, {4096, 4096, 65536}, {0, 54, 0}, {96, 0, 0}, {4097, 54, 0},
+                                 {96, UINT32_MAX, 0}};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        CHECK(nvsp_size_bound(NVSP_SIZE_TRUTH, sizes[i][0], sizes[i][1]) == sizes[i][2]);
+    }
+    CHECK(nvsp_size_bound(2, 96, 54) == 0);
     nvsp_decoder *decoder = both.decoder;
     nvsp_truth truth = NVSP_INITIALIZER(nvsp_truth);
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_get_truth(decoder, levels, SIZE_MAX, &written, &truth));

@@ -53,7 +53,7 @@ static split split_packet(const packet *packet, uint32_t mtu, int pad) {
     }
     double due = 77;
     CHECK(total == division.link_bytes && nvsp_sender_due(sender, &due) == NVSP_PENDING && due == 77);
-    nvsp_sender_destroy(sender);
+    nvsp_destroy(sender);
     return done;
 }
 
@@ -161,7 +161,7 @@ static void losses(const packet *packet, uint32_t mtu, int pad) {
     for (uint32_t i = 0; i < known; i++) {
         CHECK(bits[i / 8] >> i % 8 & 1);
     }
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
     split_free(&frames);
 }
 
@@ -197,7 +197,7 @@ static void damage(const packet *packet, uint32_t mtu) {
         EXPECT(NVSP_OK, status);
     }
     CHECK(fetch_and_show(collector, packet).complete == 1);
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
     split_free(&frames);
 }
 
@@ -236,10 +236,10 @@ static void small_modems(void) {
             EXPECT(NVSP_OK, nvsp_collector_fetch(collector, 0, (uint32_t)i, held, sizeof held, &size, &state));
             CHECK(state.complete == 1 && size == one.size && memcmp(held, bytes, size) == 0);
             EXPECT(NVSP_OK, nvsp_decode(both.decoder, held, size, 0, NULL, NULL));
-            nvsp_collector_destroy(collector);
+            nvsp_destroy(collector);
             split_free(&frames);
         }
-        nvsp_encoder_destroy(encoder);
+        nvsp_destroy(encoder);
     }
 }
 
@@ -268,7 +268,7 @@ static void nothing_to_fetch(void) {
     EXPECT(NVSP_ERR_BUFFER_TOO_SMALL, nvsp_collector_fetch(collector, 0, 0, bytes, 0, &size, NULL));
     CHECK(size == fetched && indices[0] == 77 && all_are(bytes, 0xa5, sizeof bytes));
     split_free(&frames);
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
 }
 
 // A sender with a bit rate gives each frame its bytes, and sends again what a report says is missing.
@@ -306,8 +306,8 @@ static void paced(void) {
         push(collector, bytes, size);
     }
     CHECK(fetch_and_show(collector, &packets[1]).complete == 1);
-    nvsp_sender_destroy(sender);
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(sender);
+    nvsp_destroy(collector);
 }
 
 static void out_of_range(void) {
@@ -337,14 +337,14 @@ static void out_of_range(void) {
         MUST(nvsp_sender_create(counts[i].mtu, &options, &sender));
         EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
         CHECK(budget == held_by(counts[i].mtu, counts[i].most));
-        nvsp_sender_destroy(sender);
+        nvsp_destroy(sender);
     }
     // A collector whose MTU no packet has takes nothing.
     nvsp_collector *collector = new_collector(7, 0);
     split small = split_packet(&one, 64, 0);
     EXPECT(NVSP_ERR_MODEM, nvsp_collector_push(collector, 0, small.frames[0], small.sizes[0], NULL));
     split_free(&small);
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
     options.shares = 3;
     MUST(nvsp_sender_create(64, &options, &sender));
     EXPECT(NVSP_ERR_MODEM, nvsp_sender_push(sender, 0, one.bytes, one.size, NULL, 0, NULL));
@@ -352,7 +352,7 @@ static void out_of_range(void) {
     EXPECT(NVSP_ERR_STATE, nvsp_sender_set_bit_rate(sender, 0, 5000));
     EXPECT(NVSP_OK, nvsp_sender_plan(sender, 0, &budget));
     CHECK(budget == held_by(64, 3));
-    nvsp_sender_destroy(sender);
+    nvsp_destroy(sender);
 
     // Of a packet that is too long the start is kept. Room for the largest packet may be asked for.
     nvsp_collector_options room = NVSP_INITIALIZER(nvsp_collector_options);
@@ -366,10 +366,10 @@ static void out_of_range(void) {
     const nvsp_collected state = fetch_and_show(collector, &packets[0]);
     CHECK(state.complete == 0 && state.bytes == held_by(64, 3) && state.sent == 0);
     split_free(&frames);
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
     room.shares = 2048;
     EXPECT(NVSP_OK, nvsp_collector_create(31, &room, &collector));
-    nvsp_collector_destroy(collector);
+    nvsp_destroy(collector);
     room.shares = 2049;
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_collector_create(31, &room, &collector));
 }

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
+use nvsprior::packet::PoseProfile;
 use nvsprior::prior::{Extras, KeyFrames, compact, extras_file};
 use nvsprior::render::{Plan, Scene};
-use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Prior};
+use nvsprior::residual::ResidualCoder;
+use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Prior, RenderChecks};
 
 use crate::common::write_blocked;
 use crate::wall;
@@ -30,7 +32,8 @@ pub fn folder() -> &'static Path {
 /// Writes `prior.ply`, `prior.nvsg`, `prior.nvsb`, `other.ply` with three key frames beside it, `frame-0.ppm` and so
 /// on; `preprocessed.ply`, the same prior with a preprocessing, and `treated-0.ppm`, the first frame as that leaves it;
 /// `expected-0.nvsp` and `expected-0.ppm`, the first frame's packet and what it shows, by which `scripts/c-test.sh`
-/// sees whether the library as it is installed, built by another profile, gives the same bytes; and `scene.txt`: one
+/// sees whether the library as it is installed, built by another profile, gives the same bytes; `paper.nvsp` and
+/// `paper.ppm`, the same as the paper codes it, which no encoder of the C library does; and `scene.txt`: one
 /// line with the camera (width,height,fx,fy,cx,cy), then one line per frame with its pose (qw,qx,qy,qz,tx,ty,tz).
 fn write(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
@@ -74,13 +77,22 @@ fn write(folder: &Path) {
     std::fs::write(folder.join("scene.txt"), text).unwrap();
 }
 
-/// The first frame as `c-examples/encode_frame.c` and `decode_frame.c` code it.
+/// The first frame as `c-examples/encode_frame.c` and `decode_frame.c` code it, and as the paper does.
 fn write_expected(folder: &Path, engine: &Engine, scene: &Arc<Scene>, frame: &Picture) {
-    let mut encoder = Encoder::new(engine, scene, &CAMERA, EncoderOptions::default()).unwrap();
-    let encoded = encoder.encode(frame, Some(wall::pose(0.0))).unwrap();
-    std::fs::write(folder.join("expected-0.nvsp"), &encoded.packet).unwrap();
-    let decoded = Decoder::new(engine, scene).decode(&encoded.packet).unwrap();
-    write_ppm(&folder.join("expected-0.ppm"), &decoded.picture);
+    let own = EncoderOptions { render_checks: RenderChecks::AsNeeded, ..EncoderOptions::default() };
+    let paper = EncoderOptions {
+        profile: PoseProfile::Paper,
+        residual: ResidualCoder::Webp,
+        first_frame: (1 << 24) + 5,
+        ..EncoderOptions::default()
+    };
+    for (name, options) in [("expected-0", own), ("paper", paper)] {
+        let mut encoder = Encoder::new(engine, scene, &CAMERA, options).unwrap();
+        let encoded = encoder.encode(frame, Some(wall::pose(0.0))).unwrap();
+        std::fs::write(folder.join(name).with_extension("nvsp"), &encoded.packet).unwrap();
+        let decoded = Decoder::new(engine, scene).decode(&encoded.packet).unwrap();
+        write_ppm(&folder.join(name).with_extension("ppm"), &decoded.picture);
+    }
 }
 
 /// The prior in the compact format. Its splats are rounded, so it is another prior.

@@ -1,7 +1,9 @@
 //! Vectors of frames that depend on others: streams, truth maps, predicted poses.
 
 use nvsprior::packet::{Latent, Parsed, PoseProfile, Residual};
-use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Prior, Rate, Structure, Trust};
+use nvsprior::{
+    Camera, Encoder, EncoderOptions, Mode, Picture, Prior, Rate, RenderChecks, Structure, Trust,
+};
 
 use crate::common::engine;
 use crate::dive::{CAMERA, Dive, packet, pose};
@@ -205,7 +207,7 @@ pub fn predicted(dive: &Dive, rate: Option<Rate>, count: u32) -> Vec<Vec<u8>> {
         rate,
         truth: true,
         predict_poses: true,
-        check_interval: 3,
+        render_checks: RenderChecks::Every(3),
         ..EncoderOptions::default()
     };
     let mut encoder = Encoder::new(&engine(), &dive.scene(), &CAMERA, options).unwrap();

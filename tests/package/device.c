@@ -13,12 +13,12 @@ int main(void) {
     struct nvsp_engine_options options;
     struct nvsp_engine *engine = NULL;
     nvsp_status status = NVSP_INIT(&options);
-    printf("version %s\n", nvsp_version());
+    printf("version %s\n", nvsp_version(NULL, NULL));
     if (status == NVSP_OK) {
         options.log = log_line;
         status = nvsp_engine_create(&options, &engine);
     }
     printf("engine: %s\n", nvsp_status_text(status));
-    nvsp_engine_destroy(engine);
+    nvsp_destroy(engine);
     return status == NVSP_OK || status == NVSP_ERR_NO_DEVICE ? 0 : 1;
 }

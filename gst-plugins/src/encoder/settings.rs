@@ -6,7 +6,7 @@ use gst::glib;
 use nvsprior::modem::{Loss, RateControlOptions};
 use nvsprior::residual::Tune;
 use nvsprior::tracking::{FrameInfo, RefineOptions};
-use nvsprior::{EncoderOptions, Mode, Rate, Structure};
+use nvsprior::{EncoderOptions, Mode, Rate, RenderChecks, Structure};
 
 /// What decides how fine difference pictures are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
@@ -189,7 +189,7 @@ impl Settings {
                 ModeKind::Stream => Mode::Stream(structure),
             },
             camera_interval: self.camera_interval,
-            check_interval: self.render_check,
+            render_checks: RenderChecks::every(self.render_check),
             frames_treated: self.frames_treated,
             truth: self.truth,
             ..EncoderOptions::default()

@@ -2,6 +2,7 @@
 #include <stdio.h>
 
 int main(void) {
-    printf("nvsprior %s, ABI %u\n", nvsp_version(), (unsigned)nvsp_abi_version());
-    return nvsp_abi_version() != NVSP_ABI_VERSION;
+    uint32_t abi_version = 0;
+    printf("nvsprior %s", nvsp_version(NULL, &abi_version));
+    return printf(", ABI %u\n", (unsigned)abi_version) < 0 || abi_version != NVSP_ABI_VERSION;
 }

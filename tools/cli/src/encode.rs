@@ -11,7 +11,7 @@ use nvsprior::keys::Keys;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
-use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate};
+use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate, RenderChecks};
 use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::keys::KeyArgs;
@@ -247,7 +247,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if options.mode != Mode::Intra && !engine.device().portable {
         eprintln!("the device is not portable: every frame is an intra frame");
     }
-    options.check_interval = args.rate.render_check;
+    options.render_checks = RenderChecks::every(args.rate.render_check);
     options.truth = !args.rate.no_truth;
     options.frames_treated = args.frames_treated;
     options.profile = match args.rate.profile {

@@ -7,8 +7,8 @@ use std::time::Instant;
 use nvsprior::render::{Plan, Scene};
 use nvsprior::vulkan::{DeviceOptions, Error};
 use nvsprior::{
-    Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Pose, Prior, RenderOptions,
-    RenderOverrides,
+    Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Pose, Prior, RenderChecks,
+    RenderOptions, RenderOverrides,
 };
 
 use super::case::{Bench, Case, Done, Group, Row, Table};
@@ -173,7 +173,8 @@ fn decoded_elsewhere(
     pose: &Pose,
     row: &mut Row,
 ) -> anyhow::Result<f64> {
-    let options = EncoderOptions { check_interval: 1, ..EncoderOptions::default() };
+    let options =
+        EncoderOptions { render_checks: RenderChecks::Every(1), ..EncoderOptions::default() };
     let mut encoder = Encoder::new(&first.engine, &first.scene, camera, options)?;
     let mut decoder = Decoder::new(&other.engine, &other.scene);
     let mut renderer = other.engine.renderer(&other.scene, camera, Plan::picture())?;
