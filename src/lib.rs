@@ -64,6 +64,16 @@ mod pipeline;
 mod queue;
 mod range_coder;
 
+// What tests of all kinds share, which name the library as others do.
+#[cfg(test)]
+extern crate self as nvsprior;
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod common;
+#[cfg(test)]
+#[path = "../tests/scene/mod.rs"]
+mod scene;
+
 #[cfg(feature = "training")]
 use nvsprior_kernels::training;
 use nvsprior_kernels::{block_table, filter, portable, search, shared};

@@ -1,24 +1,36 @@
 //! Both ends over a link that loses, delays, swaps and repeats, with restarts, clocks that jump, and changes of MTU and
-//! keys. A stub stands in place of the device: its packets are real ones, and its pictures tell of which frame they are.
-//! `make link-soak` runs many dives.
+//! keys: with the device, and with a stub in its place, whose packets are real ones and whose pictures tell of which
+//! frame they are. `make link-soak` runs many dives.
 
-use std::collections::{BTreeMap, VecDeque};
+mod device;
+mod stub;
+
+use std::collections::BTreeMap;
 
 use super::*;
 use crate::keys::{Key, Keys};
 use crate::modem::{Loss, Protection};
-use crate::packet::{
-    HeldPoses, Latent, Packet, PacketError, Parsed, PoseProfile, QuantisedPose, Reference,
-    Residual, SentPoses, Session,
-};
-use crate::prior::CoordinateFrame;
 use crate::random::Random;
-use crate::residual::Interest;
-use crate::{Camera, Decoded, Error, Picture, Pose, PriorId};
+use crate::{Decoded, Pose};
 
-const CAMERA: Camera = Camera { width: 16, height: 16, fx: 20.0, fy: 20.0, cx: 8.0, cy: 8.0 };
-const SITE: CoordinateFrame = CoordinateFrame { centre: [0.0; 3], spread: 8.0 };
-const SESSION: Session = Session { prior: PriorId(7), camera: CAMERA };
+/// What stands in the water: the ends' encoders and decoders.
+trait World {
+    type Encoder: Coder;
+    type Decoder: LinkDecoder;
+
+    /// The encoder of a vehicle's run, the number of its first frame, and whether poses are predicted.
+    fn encoder(&self, run: u32, first: u32, stream: bool, predicts: bool) -> Self::Encoder;
+    fn decoder(&self) -> Self::Decoder;
+    /// What a picture shows, in a number.
+    fn content(decoded: &Decoded) -> u64;
+}
+
+/// An encoder of a dive.
+trait Coder: LinkEncoder {
+    /// The packet of a frame in so many bytes, what its picture will show, and its pose.
+    fn code(&mut self, number: u32, bytes: usize, time: f64) -> (Vec<u8>, Told);
+}
+
 /// Frames of a dive.
 const FRAMES: usize = 50;
 /// Seconds that coding takes.
@@ -29,237 +41,6 @@ const RATE: f64 = 5.0;
 const BACK: usize = 40;
 /// Frames after which prior and camera are stated again.
 const CAMERA_INTERVAL: u32 = 64;
-/// Frames that a difference picture may be predicted from.
-const REFERENCES: u32 = 32;
-
-/// What the camera saw: any two frames of a run differ.
-fn seen(run: u32, frame: u32) -> u64 {
-    let mixed = (u64::from(run) << 32 | u64::from(frame)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9) ^ mixed >> 32
-}
-
-fn pose(run: u32, frame: u32) -> QuantisedPose {
-    let along = f64::from(frame % 500) * 0.004 + f64::from(run) * 0.3;
-    let pose = Pose::from_wxyz([0.9, 0.1, -0.3, 0.1], [along, 0.2 * along.sin(), 1.0]).unwrap();
-    QuantisedPose::quantise(&pose, &SITE, PoseProfile::Short).unwrap()
-}
-
-/// Makes packets as an encoder does, of what a run of the vehicle sees.
-struct StubEncoder {
-    run: u32,
-    frame: u32,
-    poses: Option<SentPoses>,
-    session_age: Option<u32>,
-    acknowledged: Vec<u32>,
-    /// What was sent, by frame.
-    sent: VecDeque<(u32, u64)>,
-    stream: bool,
-    asked: u32,
-}
-
-impl StubEncoder {
-    fn new(run: u32, frame: u32, stream: bool, predicts: bool) -> StubEncoder {
-        StubEncoder {
-            run,
-            frame,
-            poses: predicts.then(SentPoses::new),
-            session_age: None,
-            acknowledged: Vec::new(),
-            sent: VecDeque::new(),
-            stream,
-            asked: 0,
-        }
-    }
-
-    /// A packet of at most so many bytes, if pose and session leave so many.
-    fn encode(&mut self, bytes: usize) -> Vec<u8> {
-        let states = self.session_age.is_none_or(|age| age >= CAMERA_INTERVAL);
-        let profile = if states { PoseProfile::Compact } else { PoseProfile::Short };
-        let pose = pose(self.run, self.frame);
-        let pose = match states {
-            true => QuantisedPose::quantise(&pose.dequantise(&SITE), &SITE, profile).unwrap(),
-            false => pose,
-        };
-        let latent = Latent::new(self.frame, &SESSION, pose, false).unwrap();
-        let latent = match self.poses.as_ref().filter(|_| !states) {
-            Some(poses) => poses.predicted(&latent, &SESSION).unwrap(),
-            None => latent,
-        };
-        let content = seen(self.run, self.frame);
-        let reference = self.reference().filter(|_| !states);
-        // An inter frame tells what it saw less what its reference saw.
-        let base = reference.map_or(0, |(_, content)| content);
-        let mut payload = content.wrapping_sub(base).to_le_bytes().to_vec();
-        payload.push(1);
-        let session = states.then_some(SESSION);
-        let bare = Packet { latent, session, render: None, residual: Residual::None, truth: None };
-        let room = bytes.saturating_sub(bare.encoded_len() + 5);
-        payload.resize(payload.len().max(room.min(200)), 0x5A);
-        let payload = payload.as_slice();
-        let residual = match (self.stream, reference) {
-            _ if room < 9 => Residual::Omitted,
-            (false, _) => Residual::Coded { small_blocks: false, payload },
-            (true, reference) => Residual::Stream {
-                reference: reference.map(|(frame, content)| Reference {
-                    distance: (self.frame - frame) as u8,
-                    tag: content as u16,
-                }),
-                small_blocks: false,
-                payload,
-            },
-        };
-        let packet = Packet { residual, ..bare }.encode().unwrap();
-        if let Some(poses) = &mut self.poses {
-            poses.add(&latent, &SESSION).unwrap();
-        }
-        self.session_age = Some(if states { 1 } else { self.session_age.unwrap_or(0) + 1 });
-        self.sent.push_back((self.frame, content));
-        if self.sent.len() > 64 {
-            self.sent.pop_front();
-        }
-        self.frame = self.frame.wrapping_add(1);
-        packet
-    }
-
-    /// The newest frame that was acknowledged, and what it saw.
-    fn reference(&self) -> Option<(u32, u64)> {
-        let near = |(frame, _): &&(u32, u64)| self.frame - frame < REFERENCES;
-        let told = |(frame, _): &&(u32, u64)| self.acknowledged.contains(&(frame % (1 << 16)));
-        self.sent.iter().rev().filter(near).find(told).copied().filter(|_| self.stream)
-    }
-}
-
-impl LinkEncoder for StubEncoder {
-    fn acknowledge(&mut self, frame: u32) {
-        self.acknowledged.push(frame % (1 << 16));
-    }
-
-    fn acknowledge_pose(&mut self, frame: u32, held: bool) {
-        if let Some(poses) = &mut self.poses {
-            poses.acknowledge(frame, held);
-        }
-    }
-
-    fn announce(&mut self) {
-        self.session_age = None;
-        self.asked += 1;
-        self.acknowledged.clear();
-        if let Some(poses) = &mut self.poses {
-            poses.forget_acknowledged();
-        }
-    }
-
-    fn set_interest(&mut self, _: Option<Interest>) {}
-
-    fn size(&self) -> (u32, u32) {
-        (CAMERA.width, CAMERA.height)
-    }
-}
-
-/// Reads packets as a decoder does. Its picture's first eight bytes are what the camera saw, as far as it knows.
-struct StubDecoder {
-    poses: HeldPoses,
-    camera: Option<Camera>,
-    /// What was decoded in full.
-    kept: VecDeque<(u32, u64)>,
-    last: Option<u32>,
-}
-
-impl StubDecoder {
-    fn new() -> StubDecoder {
-        let (kept, last) = (VecDeque::new(), None);
-        StubDecoder { poses: HeldPoses::with_room(), camera: None, kept, last }
-    }
-
-    fn parse(&mut self, bytes: &[u8]) -> Result<(Parsed, u32), Error> {
-        let packet = Parsed::with(bytes, &self.poses)
-            .inspect_err(|error| self.poses.refuse(bytes, error))?;
-        if let Ok(Some(session)) = packet.session() {
-            self.camera = Some(session.camera);
-        }
-        let frame = packet.latent().frame_near(self.poses.last().or(self.last));
-        Ok((packet, frame))
-    }
-}
-
-impl LinkDecoder for StubDecoder {
-    fn hold(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        let (packet, frame) = self.parse(bytes)?;
-        if self.camera.is_some() {
-            self.poses.hold(frame, packet.latent(), &SESSION)?;
-        }
-        Ok(())
-    }
-
-    fn decode(&mut self, bytes: &[u8], decoded: &mut Decoded) -> Result<(), Error> {
-        let (packet, frame) = self.parse(bytes)?;
-        let latent = *packet.latent();
-        if self.camera.is_none() {
-            let (tag, prior) = (latent.tag, SESSION.prior);
-            return Err(Error::SessionUnknown { frame, tag, prior, cameras: 0 });
-        }
-        decoded.picture = Picture::new(CAMERA.width, CAMERA.height);
-        (decoded.frame, decoded.pose) = (frame, latent.pose.dequantise(&SITE));
-        (decoded.rows, decoded.kept, decoded.reference, decoded.damage) = (0, false, None, None);
-        let content = |payload: &[u8]| Some(u64::from_le_bytes(*payload.first_chunk()?));
-        match packet.residual(bytes) {
-            Ok(Residual::Coded { payload, .. }) => {
-                decoded.rows = 16;
-                decoded.picture.data[..8].copy_from_slice(&content(payload).unwrap().to_le_bytes());
-            }
-            Ok(Residual::Stream { reference, payload, .. }) => {
-                let base = match reference {
-                    None => Some(0),
-                    Some(Reference { distance, tag }) => {
-                        let number = frame.wrapping_sub(distance.into());
-                        decoded.reference = Some(number);
-                        let is_it =
-                            |(kept, seen): &&(u32, u64)| *kept == number && *seen as u16 == tag;
-                        self.kept.iter().rev().find(is_it).map(|kept| kept.1)
-                    }
-                };
-                match base {
-                    Some(base) => {
-                        let seen = content(payload).unwrap().wrapping_add(base);
-                        decoded.picture.data[..8].copy_from_slice(&seen.to_le_bytes());
-                        (decoded.rows, decoded.kept) = (16, true);
-                        self.kept.push_back((frame, seen));
-                        if self.kept.len() > 64 {
-                            self.kept.pop_front();
-                        }
-                    }
-                    None => decoded.damage = Some(PacketError::Pose.into()),
-                }
-            }
-            _ => {}
-        }
-        self.last = Some(frame);
-        Ok(self.poses.hold(frame, &latent, &SESSION)?)
-    }
-
-    fn draw(&mut self, _: &Pose, picture: &mut Picture) -> Result<bool, Error> {
-        picture.resize(CAMERA.width, CAMERA.height);
-        Ok(self.camera.is_some())
-    }
-
-    fn holds_pose(&self, frame: u32) -> bool {
-        self.poses.holds(frame)
-    }
-
-    fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
-        let latent = self.poses.latent(packet)?;
-        Ok((latent.pose.dequantise(&SITE), !latent.uncertain))
-    }
-
-    fn camera(&self) -> Option<&Camera> {
-        self.camera.as_ref()
-    }
-
-    fn add_camera(&mut self, camera: &Camera) -> Result<(), Error> {
-        self.camera = Some(*camera);
-        Ok(())
-    }
-}
 
 /// What a dive is like.
 #[derive(Clone, Debug)]
@@ -311,7 +92,8 @@ impl Weather {
 type Told = (u64, Pose);
 
 /// Both ends, and what is on its way.
-struct Dive {
+struct Dive<'a, W: World> {
+    world: &'a W,
     weather: Weather,
     random: Random,
     time: f64,
@@ -320,8 +102,8 @@ struct Dive {
     epoch: u64,
     run: u32,
     vehicle: VehicleLink,
-    encoder: StubEncoder,
-    topside: Topside<StubDecoder>,
+    encoder: W::Encoder,
+    topside: Topside<W::Decoder>,
     states: [Vec<u8>; 2],
     /// On their way down and up: when they arrive.
     up: Vec<(f64, Vec<u8>)>,
@@ -373,15 +155,15 @@ fn topside_options(weather: &Weather, epoch: u64, state: &[u8]) -> TopsideOption
     }
 }
 
-impl Dive {
-    fn new(seed: u64) -> Dive {
+impl<'a, W: World> Dive<'a, W> {
+    fn new(world: &'a W, seed: u64) -> Dive<'a, W> {
         let mut random = Random::new(seed);
         let weather = Weather::new(&mut random);
         let vehicle = VehicleLink::new(&vehicle_options(&weather, 1, &[])).unwrap();
-        let topside =
-            Topside::with(StubDecoder::new(), &topside_options(&weather, 1, &[])).unwrap();
-        let encoder = StubEncoder::new(0, vehicle.next_frame(), weather.stream, weather.reports);
+        let topside = Topside::with(world.decoder(), &topside_options(&weather, 1, &[])).unwrap();
+        let encoder = world.encoder(0, vehicle.next_frame(), weather.stream, weather.reports);
         Dive {
+            world,
             weather,
             random,
             time: 1000.0,
@@ -428,18 +210,8 @@ impl Dive {
         let now = self.now(0);
         let Some(planned) = self.vehicle.plan(now, now).unwrap() else { return };
         self.vehicle.instruct(&mut self.encoder).unwrap();
-        self.encoder.frame = planned.number;
-        let packet = self.encoder.encode(planned.bytes);
-        let number = planned.number as u16;
-        let (run, stub) = (self.run, &self.encoder);
-        let quantised = pose(run, planned.number).dequantise(&SITE);
-        let exact = match stub.session_age {
-            Some(1) => QuantisedPose::quantise(&quantised, &SITE, PoseProfile::Compact)
-                .unwrap()
-                .dequantise(&SITE),
-            _ => quantised,
-        };
-        self.told.entry(number).or_default().push((seen(run, planned.number), exact));
+        let (packet, told) = self.encoder.code(planned.number, planned.bytes, self.time);
+        self.told.entry(planned.number as u16).or_default().push(told);
         self.coded = Some((self.time + CODING, packet));
     }
 
@@ -533,8 +305,8 @@ impl Dive {
                 continue;
             }
             let told = self.told.get(&(decoded.frame as u16)).map_or(&[][..], Vec::as_slice);
-            let content = u64::from_le_bytes(*decoded.picture.data.first_chunk().unwrap());
-            let is_whole = decoded.rows > 0 && decoded.damage.is_none();
+            let content = W::content(decoded);
+            let is_whole = shown.complete && decoded.damage.is_none();
             let same =
                 |(seen, pose): &&Told| *pose == decoded.pose && (!is_whole || *seen == content);
             assert!(
@@ -594,14 +366,15 @@ impl Dive {
         self.coded = None;
         self.run += 1;
         let first = self.vehicle.next_frame();
-        self.encoder = StubEncoder::new(self.run, first, self.weather.stream, self.weather.reports);
+        let Weather { stream, reports, .. } = self.weather;
+        self.encoder = self.world.encoder(self.run, first, stream, reports);
     }
 
     fn restart_topside(&mut self) {
         let forget = !self.weather.keys && self.chance(0.5);
         let state = if forget { Vec::new() } else { self.states[1].clone() };
         let options = topside_options(&self.weather, self.epoch, &state);
-        self.topside = Topside::with(StubDecoder::new(), &options).unwrap();
+        self.topside = Topside::with(self.world.decoder(), &options).unwrap();
     }
 }
 
@@ -610,8 +383,8 @@ fn number_of_u16(frame: i64) -> u16 {
 }
 
 /// A dive with trouble, and then without. Tells how many frames passed until a new whole picture was shown.
-fn dive(seed: u64) -> usize {
-    let mut dive = Dive::new(seed);
+fn dive(world: &impl World, seed: u64) -> usize {
+    let mut dive = Dive::new(world, seed);
     (0..FRAMES).for_each(|_| dive.step());
     dive.calm = true;
     let (from, before) = (dive.frame, dive.shown.len());
@@ -637,14 +410,13 @@ fn dive(seed: u64) -> usize {
     );
 }
 
-/// So many dives as `DIVES` says, from the seed `SEED` on.
-#[test]
-fn no_wrong_picture_is_shown_and_both_ends_always_come_back() {
+/// So many dives as a variable of the environment says, from the seed `SEED` on.
+fn dives(world: &impl World, variable: &str, usual: u64) {
     let number = |name: &str, usual: u64| {
         std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
     };
-    let (dives, seed) = (number("DIVES", 300), number("SEED", 1));
-    let mut back: Vec<usize> = (seed..seed + dives).map(dive).collect();
+    let (dives, seed) = (number(variable, usual), number("SEED", 1));
+    let mut back: Vec<usize> = (seed..seed + dives).map(|seed| dive(world, seed)).collect();
     back.sort_unstable();
     let at = |part: f64| back[((back.len() - 1) as f64 * part) as usize];
     println!(
@@ -653,4 +425,14 @@ fn no_wrong_picture_is_shown_and_both_ends_always_come_back() {
         at(0.99),
         at(1.0)
     );
+}
+
+#[test]
+fn no_wrong_picture_is_shown_and_both_ends_always_come_back() {
+    dives(&stub::Stub, "DIVES", 300);
+}
+
+#[test]
+fn the_same_with_the_device() {
+    dives(&device::Device::new(), "DEVICE_DIVES", 3);
 }

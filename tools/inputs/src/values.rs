@@ -89,6 +89,14 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A part of a whole.
+pub fn part(text: &str) -> Result<f64, String> {
+    match number(text)? {
+        value if value > 0.0 && value <= 1.0 => Ok(value),
+        _ => Err("must lie above 0 and be at most 1".into()),
+    }
+}
+
 /// Things per second: bits, frames.
 pub fn rate(text: &str) -> Result<f64, String> {
     within(text, 0.01, 1e9, "between 0.01 and 1e9")

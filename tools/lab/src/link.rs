@@ -15,7 +15,7 @@ use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
 use nvsprior::keys::Keys;
 use nvsprior::link::{
-    LinkError, Playout, TopsideLink, TopsideOptions, VehicleLink, VehicleOptions,
+    LinkError, Pacing, Playout, TopsideLink, TopsideOptions, VehicleLink, VehicleOptions,
 };
 use nvsprior::modem::{Loss, MIN_CHECKED_MTU, MIN_MTU, Protection};
 use nvsprior::residual::Tune;
@@ -155,9 +155,13 @@ struct LinkArgs {
     /// 40 bytes in time]
     #[arg(long = "least", value_name = "BYTES")]
     min_bytes: Option<usize>,
-    /// Most modem frames of a packet
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u16).range(1..=64))]
-    shares: u16,
+    /// Most modem frames of a packet [default: as many as MTU and rate take, 16 to 64]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
+    shares: Option<u16>,
+    /// The link is shared with other traffic: of the modem frames that it carries, this part is asked of the vehicle
+    /// when one can go. It has no bit rate of its own then
+    #[arg(long, value_name = "PART", value_parser = values::part)]
+    pull: Option<f64>,
     /// Seed of the channel's losses
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -199,7 +203,9 @@ struct Setting {
     fps: f64,
     frame_rate: f64,
     min_bytes: usize,
-    shares: usize,
+    shares: Option<usize>,
+    /// Part of the link's modem frames that are asked of the vehicle; `None`: it goes by the bit rate.
+    pull: Option<f64>,
     seed: u64,
 }
 
@@ -274,7 +280,8 @@ impl LinkArgs {
             fps,
             frame_rate: self.frame_rate.unwrap_or(fps),
             min_bytes,
-            shares: self.shares.into(),
+            shares: self.shares.map(usize::from),
+            pull: self.pull,
             seed: self.seed,
         };
         VehicleLink::new(&setting.vehicle())?;
@@ -286,13 +293,17 @@ impl LinkArgs {
 impl Setting {
     fn vehicle(&self) -> VehicleOptions {
         VehicleOptions {
+            pacing: match self.pull {
+                Some(_) => Pacing::Pull,
+                None => Pacing::Rate(self.bit_rate),
+            },
             overhead: self.overhead,
             latency: self.latency,
             delay: self.coding + self.propagation,
             spread: Some(self.spread),
             picture_rate: Some(self.frame_rate),
             min_bytes: self.min_bytes,
-            max_shares: Some(self.shares),
+            max_shares: self.shares,
             loss: self.assumed,
             protection: match self.mtu {
                 ..MIN_CHECKED_MTU => Protection::None,
@@ -314,7 +325,7 @@ impl Setting {
 
     /// Seconds on either side of a frame that did not come, between which its pose is looked for.
     fn reach(&self) -> f64 {
-        REACH.max(SLOWER * 8.0 * self.min_bytes as f64 / self.bit_rate)
+        REACH.max(SLOWER * 8.0 * self.min_bytes as f64 / (self.bit_rate * self.pull.unwrap_or(1.0)))
     }
 
     /// The same in camera frames.
@@ -325,7 +336,7 @@ impl Setting {
     fn topside(&self) -> TopsideOptions {
         TopsideOptions {
             playout: Playout::OnDemand,
-            max_shares: Some(self.shares),
+            max_shares: self.shares,
             packets: PACKETS,
             age: Some((self.latency + 2.0 * self.reach()).min(STALE / self.fps)),
             // The simulation asks when it wants one.
@@ -464,7 +475,8 @@ mod tests {
             fps: 10.0,
             frame_rate: 5.0,
             min_bytes: 40,
-            shares: 16,
+            shares: Some(16),
+            pull: None,
             seed: 1,
         }
     }

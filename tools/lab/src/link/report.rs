@@ -109,6 +109,27 @@ impl LinkRun {
             .map(|seconds| 1000.0 * seconds)
     }
 
+    /// Mean and greatest age of the newest picture that is there, seconds: from its exposure, at the time of each camera
+    /// frame once the first picture has come.
+    fn age(&self) -> [f64; 2] {
+        let first =
+            |packet: &SentPacket| self.pictures.get(&packet.number).map(|(first, _)| *first);
+        let mut came: Vec<(f64, f64)> = self
+            .packets
+            .iter()
+            .filter_map(|packet| Some((first(packet)?, packet.exposed)))
+            .collect();
+        came.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let frames = (0..self.moments.len()).map(|frame| frame as f64 / self.setting.fps);
+        let ages: Vec<f64> = frames
+            .filter_map(|now| {
+                let there = came.iter().take_while(|(first, _)| *first <= now);
+                Some(now - there.map(|(_, exposed)| *exposed).reduce(f64::max)?)
+            })
+            .collect();
+        [mean(ages.iter().copied()), ages.iter().copied().fold(0.0, f64::max)]
+    }
+
     fn bytes(&self) -> PacketBytes {
         let mut sum = PacketBytes::default();
         for PacketBytes { latent, residual, framing, truth, headers, parity, tags } in
@@ -158,8 +179,11 @@ struct Figures<'a> {
     latency: f64,
     seed: u64,
     return_delay: Option<f64>,
+    pull: Option<f64>,
     seconds: f64,
     shown_psnr: f64,
+    age_seconds: f64,
+    greatest_age_seconds: f64,
     pictures_per_second: f64,
     shown: ShownCounts,
     first_picture_seconds: Option<f64>,
@@ -210,6 +234,7 @@ impl Figures<'_> {
         let LinkRun { packets, pictures, resent, .. } = run;
         let bytes = run.bytes();
         let [latency_ms, whole_latency_ms] = run.latency();
+        let [age_seconds, greatest_age_seconds] = run.age();
         let shown = |way: fn(Recalled) -> bool| run.shown(way);
         Figures {
             bit_rate,
@@ -221,6 +246,9 @@ impl Figures<'_> {
             latency,
             seed,
             return_delay: run.setting.return_delay,
+            pull: run.setting.pull,
+            age_seconds,
+            greatest_age_seconds,
             seconds: run.seconds,
             shown_psnr: run.shown_psnr(),
             pictures_per_second: run.pictures_per_second(),
@@ -295,6 +323,7 @@ pub fn print(runs: &[LinkRun]) {
     }
     table.print();
     runs.iter().for_each(print_region);
+    runs.iter().for_each(print_age);
     runs.iter().for_each(print_keys);
 }
 
@@ -306,6 +335,17 @@ fn print_region(run: &LinkRun) {
             "loss {loss}: {inside:.2} dB where the prior does not show it, {outside:.2} dB elsewhere"
         );
     }
+}
+
+/// Says how old the newest picture is.
+fn print_age(run: &LinkRun) {
+    let [mean, greatest] = run.age();
+    println!(
+        "loss {}: the newest picture is {} s old on the mean, {} s at most",
+        fixed(run.setting.loss.chance, 3),
+        fixed(mean, 2),
+        fixed(greatest, 2)
+    );
 }
 
 /// Says what keys cost.

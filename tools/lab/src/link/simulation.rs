@@ -23,6 +23,8 @@ enum Event {
     Exposed(usize),
     /// A share may be due.
     Due,
+    /// The link, which others use too, is free for a modem frame.
+    Slot,
     Arrived(Vec<u8>),
     Report,
     Reported(Vec<u8>),
@@ -81,6 +83,8 @@ pub struct Simulation<'a> {
     plan: Agenda,
     /// When the next modem frame is looked for, seconds.
     next_due: f64,
+    /// Modem frames that are the vehicle's turn, if it shares the link.
+    turns: f64,
     /// When the run ends, seconds: a vehicle without reports never has nothing to send.
     end: f64,
     moments: Vec<Moment>,
@@ -118,6 +122,7 @@ impl<'a> Simulation<'a> {
             setting,
             plan: Agenda::default(),
             next_due: f64::INFINITY,
+            turns: 0.0,
             end: 0.0,
             moments: Vec::new(),
             frames_out: None,
@@ -142,6 +147,9 @@ impl<'a> Simulation<'a> {
                 time += every;
             }
         }
+        if self.setting.pull.is_some() {
+            self.plan.add(0.0, Event::Slot);
+        }
         while let Some(At { time, event, .. }) = self.plan.heap.pop() {
             match event {
                 Event::Exposed(frame) => self.expose(frame, time)?,
@@ -155,6 +163,7 @@ impl<'a> Simulation<'a> {
                 }
                 // Something was due before it, and has planned anew.
                 Event::Due => {}
+                Event::Slot => self.take_slot(time, &mut channel)?,
                 Event::Arrived(frame) => self.arrive(time, &frame)?,
                 Event::Report => self.report(time, &mut channel)?,
                 Event::Reported(report) => {
@@ -246,6 +255,33 @@ impl<'a> Simulation<'a> {
         });
         let repaired = repaired.count() as u64;
         link.statistics().repaired + repaired
+    }
+
+    /// Gives a modem frame's time on the link to whose turn it is. Others always have something to send.
+    fn take_slot(&mut self, now: f64, channel: &mut LoggedChannel) -> anyhow::Result<()> {
+        let mtu = self.setting.mtu;
+        self.turns += self.setting.pull.unwrap_or(1.0);
+        let own = match self.turns >= 1.0 {
+            true => {
+                self.turns -= 1.0;
+                self.vehicle.link().transmit(now, mtu)?
+            }
+            false => None,
+        };
+        let end = match own {
+            Some(frame) => {
+                let sent = channel.send(now, frame.len());
+                if let Some(arrival) = sent.arrival {
+                    self.plan.add(arrival, Event::Arrived(frame.to_vec()));
+                }
+                sent.end
+            }
+            None => channel.send(now, mtu).end,
+        };
+        if end <= self.end {
+            self.plan.add(end, Event::Slot);
+        }
+        Ok(())
     }
 
     /// Looks for the next modem frame when it is due.
