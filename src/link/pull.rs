@@ -6,6 +6,8 @@ use std::collections::VecDeque;
 const PULLS: usize = 64;
 /// And seconds of them.
 const WINDOW: f64 = 20.0;
+/// Modem frames that may wait still when another packet is ready: it goes first, and they follow.
+const SLACK: f64 = 0.5;
 /// A packet that nobody pulled is made anew, if the last pull is not longer ago than so many latencies.
 const PATIENCE: f64 = 4.0;
 
@@ -22,12 +24,14 @@ pub(super) struct PullRate {
     coding: f64,
     /// When the frame was exposed whose packet waits; `None`: none waits, or some of it was pulled.
     untouched: Option<f64>,
+    /// Part of a modem frame that packets had too few so far.
+    owed: f64,
 }
 
 impl PullRate {
     pub fn new(frame_rate: f64, latency: f64, min_bytes: usize) -> PullRate {
         let (pulls, between) = (VecDeque::with_capacity(PULLS + 1), 1.0 / frame_rate);
-        PullRate { pulls, between, latency, min_bytes, coding: 0.0, untouched: None }
+        PullRate { pulls, between, latency, min_bytes, coding: 0.0, untouched: None, owed: 0.0 }
     }
 
     /// The modem has room for so many bytes.
@@ -75,7 +79,7 @@ impl PullRate {
     /// Modem frames for the packet of a frame that is exposed now, of at most [`least`](Self::least) bytes each, or of
     /// `mtu` if that is not known. `waiting`: bytes of the packet before that nobody has pulled. `None`: they will not
     /// have gone by the time it is coded.
-    pub fn frames(&self, now: f64, waiting: usize, mtu: usize) -> Option<usize> {
+    pub fn frames(&mut self, now: f64, waiting: usize, mtu: usize) -> Option<usize> {
         let pulls = self.pulls(now);
         let most = self.least().unwrap_or(mtu).max(1);
         if let Some(exposed) = self.untouched {
@@ -85,11 +89,14 @@ impl PullRate {
             if !is_stale || now - last > PATIENCE * self.latency {
                 return None;
             }
-        } else if waiting as f64 > pulls.unwrap_or(0.0) * self.coding * most as f64 {
+        } else if waiting as f64 > (pulls.unwrap_or(0.0) * self.coding + SLACK) * most as f64 {
             return None;
         }
-        let turn = pulls.map_or(1.0, |pulls| pulls * self.coding.max(self.between));
-        Some((turn.round() as usize).max(self.min_bytes.div_ceil(most)).max(1))
+        let turn = pulls.map_or(1.0, |pulls| pulls * self.coding.max(self.between)) + self.owed;
+        // Rounding of times must not cost one.
+        let frames = (turn + 1e-6).floor().max(self.min_bytes.div_ceil(most) as f64).max(1.0);
+        self.owed = (turn - frames).clamp(-1.0, 1.0);
+        Some(frames as usize)
     }
 }
 
@@ -109,11 +116,12 @@ mod tests {
         }
         let now = 0.5 + 0.1 * 19.0;
         assert!((pull.rate(now).unwrap() - 630.0).abs() < 1.0, "{:?}", pull.rate(now));
-        // Coding takes 0.4 s: what waits has gone by then if it is at most 252 bytes. A turn is half a second.
-        assert_eq!((pull.frames(now, 260, 64), pull.frames(now, 250, 64)), (None, Some(5)));
+        // Coding takes 0.4 s: what waits has gone by then if it is at most 252 bytes, and half a modem frame more. A
+        // turn is half a second.
+        assert_eq!((pull.frames(now, 290, 64), pull.frames(now, 280, 64)), (None, Some(5)));
         // Nobody pulls any more: a packet is made once, and again once it is stale, but not for ever.
         pull.ready(now + 0.4, now);
-        let is_made = |k: &u32| pull.frames(now + 0.1 * f64::from(*k), 100, 64).is_some();
+        let mut is_made = |k: &u32| pull.frames(now + 0.1 * f64::from(*k), 100, 64).is_some();
         let anew: Vec<_> = (5..200).filter(is_made).collect();
         assert!(anew.iter().all(|k| (10..=40).contains(k)) && !anew.is_empty(), "{anew:?}");
     }

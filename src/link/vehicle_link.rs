@@ -181,7 +181,7 @@ impl VehicleLink {
         if self.planned.len() == PLANNED {
             return Ok(None);
         }
-        let bytes = match &self.pull {
+        let bytes = match &mut self.pull {
             None => self.sender.plan_another(exposed)?,
             Some(pull) => {
                 let mtu = self.sender.mtu();

@@ -84,6 +84,8 @@ pub struct RateControl {
     planned: [Option<Allowance>; 2],
     /// When `credit` was right, seconds.
     at: Option<f64>,
+    /// Modem frames are pulled: each costs a pull, however short it is.
+    is_pulled: bool,
 }
 
 /// What a frame may spend, bytes.
@@ -103,6 +105,8 @@ const SPREAD: f64 = 0.25;
 const PARTS: [f64; 5] = [0.3, 0.45, 0.6, 0.75, 0.9];
 /// Times the budget that a packet takes that tells the camera.
 pub const LONGER: usize = 3;
+/// Bytes that a packet that states the session has more.
+const EXTRA: usize = LONGEST_HEAD - SHORT_LATENT_LEN;
 /// What a part may be worth less, dB.
 const THRIFT: f64 = 0.1;
 
@@ -141,6 +145,7 @@ impl RateControl {
             debt: 0.0,
             planned: [None; 2],
             at: None,
+            is_pulled: false,
         };
         control.credit = control.turn();
         Ok(control)
@@ -206,6 +211,7 @@ impl RateControl {
     /// of at most `mtu` bytes.
     pub(super) fn allow(&mut self, budget: usize, mtu: usize, frames: usize) {
         (self.options.mtu, self.options.max_shares) = (mtu, frames.max(1));
+        self.is_pulled = true;
         let planned = Allowance { budget: budget as f64, repaid: 0.0 };
         self.planned[usize::from(self.planned[0].is_some())] = Some(planned);
     }
@@ -240,11 +246,10 @@ impl RateControl {
     pub(super) fn capacity_told(&self, budget: usize, told: usize) -> Result<usize, ModemError> {
         let of = |picture| Sharing::new(&self.sharing(budget, picture, None));
         let steady = of(SHORT_LATENT_LEN + told).or_else(|_| of(SHORT_LATENT_LEN))?;
-        if steady.count() < self.options.max_shares {
+        if self.is_pulled || steady.count() < self.options.max_shares {
             return Ok(steady.capacity());
         }
         // A packet that states the session has so many bytes more, and no more shares.
-        const EXTRA: usize = LONGEST_HEAD - SHORT_LATENT_LEN;
         let longest = Sharing::new(&self.sharing(self.all(), LONGEST_HEAD, None));
         let room = longest.map_or(usize::MAX, |sharing| sharing.capacity().saturating_sub(EXTRA));
         Ok(steady.capacity().min(room.max(SHORT_LATENT_LEN)))
@@ -305,6 +310,11 @@ impl RateControl {
         picture: usize,
         packet: usize,
     ) -> Result<(Sharing, usize), ModemError> {
+        if self.is_pulled && picture > SHORT_LATENT_LEN {
+            let mut more = RateControl { is_pulled: false, ..self.clone() };
+            more.options.max_shares += EXTRA.div_ceil(self.options.mtu) + 1;
+            return more.divide_longer(budget, picture, packet);
+        }
         let of = |budget: usize| Ok((self.divide(budget, picture, packet)?, budget));
         match of(budget) {
             Ok((sharing, _)) if picture > SHORT_LATENT_LEN && sharing.capacity() < packet => {}
