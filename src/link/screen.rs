@@ -126,6 +126,8 @@ pub(super) struct Screen {
     /// The frame whose turn it is, after those between.
     turn: Option<Turn>,
     lacks_camera: bool,
+    /// Poses come that are predicted from such as are not held.
+    lacks_poses: bool,
     /// Of no whole packet all could be shown yet: a stream may go on from frames that a run before has seen.
     is_anew: bool,
 }
@@ -164,6 +166,7 @@ impl Screen {
             certain: None,
             turn: None,
             lacks_camera: false,
+            lacks_poses: false,
             is_anew: true,
         }
     }
@@ -345,15 +348,16 @@ impl Screen {
         link: &TopsideLink,
     ) -> Result<(), Error> {
         if let Err(error) = outcome {
+            let is_waiting = matches!(error, Error::Packet(PacketError::PoseNotHeld { .. }));
             self.lacks_camera |=
                 matches!(error, Error::SessionUnknown { .. } | Error::Estranged { .. });
-            let is_waiting = matches!(error, Error::Packet(PacketError::PoseNotHeld { .. }));
+            self.lacks_poses |= is_waiting;
             if self.is_stream && is_waiting && !self.is_past(frame) {
                 self.waiting.insert(frame);
             }
             return Err(error);
         }
-        self.lacks_camera = false;
+        (self.lacks_camera, self.lacks_poses) = (false, false);
         let is_whole = link.packet(frame).is_some_and(|packet| packet.complete);
         self.is_anew &= !is_whole || decoded.damage.is_some();
         self.is_stream |= decoded.kept || decoded.reference.is_some();
@@ -460,7 +464,8 @@ impl Screen {
 
     /// Packets come, and what they are about, or predicted from, is not known: the vehicle must tell.
     pub fn lacks_start(&self) -> bool {
-        self.lacks_camera || self.is_anew && self.playout != Playout::OnDemand
+        let is_anew = self.lacks_poses || self.is_anew;
+        self.lacks_camera || is_anew && self.playout != Playout::OnDemand
     }
 }
 

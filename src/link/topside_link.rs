@@ -2,7 +2,9 @@
 
 use crate::Camera;
 use crate::keys::Keys;
-use crate::modem::{Collected, CollectedPacket, Collector, CollectorStatistics, ModemError};
+use crate::modem::{
+    Collected, CollectedPacket, Collector, CollectorStatistics, ModemError, Report,
+};
 
 use super::age_limit::AgeLimit;
 use super::error::LinkError;
@@ -366,10 +368,16 @@ impl TopsideLink {
         if !due || self.silence(now).is_none_or(|silence| silence > PATIENCE) {
             return Ok(None);
         }
-        let Some(mut report) = self.collector.report(self.stream, kept)? else { return Ok(None) };
-        if let Some(holds) = holds {
-            report.tell_poses(holds);
-        }
+        let report = match (self.collector.report(self.stream, kept)?, holds) {
+            (Some(mut report), Some(holds)) => {
+                report.tell_poses(holds);
+                report
+            }
+            (Some(report), None) => report,
+            // What comes cannot be read without what came before: the vehicle is asked.
+            (None, _) if lacks_start => Report::new(self.stream, 0, std::iter::empty())?,
+            (None, _) => return Ok(None),
+        };
         let region = self.region;
         let message = PilotMessage { sent: exposure::stamp(told), announce: lacks_start, region };
         message.write(&self.user, &mut self.message);
