@@ -9,7 +9,8 @@ SHADER_TOOLCHAIN := nightly-2026-08-15
 # What every command that builds the tests' profile names: cargo builds crates anew for another choice of packages.
 ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 
-.PHONY: help demo console console-test console-walk console-soak demo-prior tower-prior ageing calibration quick test \
+.PHONY: help demo console console-test console-walk console-soak link-soak \
+	demo-prior tower-prior ageing calibration quick test \
 	long-test other-devices gst gst-test c-test c-test-memory \
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
@@ -22,6 +23,7 @@ help:
 	@echo "make console-test   that page in headless Chromium; RENEW=1 renews the pictures in docs/console/"
 	@echo "make console-walk   the page while programs are killed, keys and priors are wrong: 30 minutes; SEED, MINUTES"
 	@echo "make console-soak   eight hours of packets through the console, in fast motion: is its memory flat?"
+	@echo "make link-soak      both ends of a link by losses, restarts, jumping clocks: 10,000 dives, 100 with a device"
 	@echo "make demo-prior     train the demo's prior again, from the scene's mapping run: a quarter of an hour"
 	@echo "make tower-prior    a prior of the tower in black water, from M4: COURSE=approach|arcs|both, LENS=33|80"
 	@echo "make first-dive     from a survey's video to a decoded dive, each step timed: docs/first-dive.md"
@@ -93,6 +95,11 @@ console-walk:
 console-soak:
 	@scripts/setup.sh run
 	cargo test --release -p nvsprior-console --lib memory_is_flat -- --ignored --nocapture
+
+# Other dives: SEED=10001.
+link-soak:
+	@scripts/setup.sh run
+	DIVES=10000 DEVICE_DIVES=100 cargo test -p nvsprior --lib -- link::tests --nocapture
 
 # The loss is the one that the prior in the tree was trained with.
 demo-prior:

@@ -121,7 +121,7 @@ mod tests {
         assert_eq!((pull.frames(now, 290, 64), pull.frames(now, 280, 64)), (None, Some(5)));
         // Nobody pulls any more: a packet is made once, and again once it is stale, but not for ever.
         pull.ready(now + 0.4, now);
-        let mut is_made = |k: &u32| pull.frames(now + 0.1 * f64::from(*k), 100, 64).is_some();
+        let is_made = |k: &u32| pull.frames(now + 0.1 * f64::from(*k), 100, 64).is_some();
         let anew: Vec<_> = (5..200).filter(is_made).collect();
         assert!(anew.iter().all(|k| (10..=40).contains(k)) && !anew.is_empty(), "{anew:?}");
     }

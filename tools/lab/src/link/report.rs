@@ -109,8 +109,8 @@ impl LinkRun {
             .map(|seconds| 1000.0 * seconds)
     }
 
-    /// Mean and greatest age of the newest picture that is there, seconds: from its exposure, at the time of each camera
-    /// frame once the first picture has come.
+    /// Mean and greatest age of the newest picture that is there, seconds: from its exposure, at the time of each
+    /// camera frame once the first picture has come.
     fn age(&self) -> [f64; 2] {
         let first =
             |packet: &SentPacket| self.pictures.get(&packet.number).map(|(first, _)| *first);
