@@ -70,7 +70,6 @@ struct Planned {
 /// What it takes to tell when a frame was exposed.
 struct Stamps {
     is_utc: bool,
-    limit: AgeLimit,
     clock: TopsideClock,
 }
 
@@ -118,11 +117,8 @@ impl VehicleLink {
             numbers: FrameNumbers::new(options.frame_rate, stored.frame),
             picture_rate: control.frame_rate,
             planned: VecDeque::with_capacity(PLANNED + 1),
-            stamps: has_stamps.then(|| Stamps {
-                is_utc: options.is_utc,
-                limit: AgeLimit::of(control),
-                clock: TopsideClock::default(),
-            }),
+            stamps: has_stamps
+                .then(|| Stamps { is_utc: options.is_utc, clock: TopsideClock::default() }),
             user_bytes: options.user_bytes,
             hearing: Hearing::default(),
             full: FullPackets::default(),
@@ -243,7 +239,8 @@ impl VehicleLink {
         }
         self.user_of_packet.clear();
         if let Some(stamps) = &self.stamps {
-            self.user_of_packet.extend(stamps.written(exposed, told));
+            let limit = AgeLimit::of(self.sender.options());
+            self.user_of_packet.extend(stamps.written(exposed, told, limit));
             self.user_of_packet.extend(user);
         }
         let with_user = self.stamps.is_some().then_some(self.user_of_packet.as_slice());
@@ -463,9 +460,9 @@ fn position<'a>(
 
 impl Stamps {
     /// When a frame was exposed, as its packet tells it.
-    fn written(&self, exposed: f64, told: f64) -> [u8; EXPOSURE_LEN] {
+    fn written(&self, exposed: f64, told: f64, limit: AgeLimit) -> [u8; EXPOSURE_LEN] {
         let by_reports = self.clock.at(exposed).map(|time| (time, ClockSource::Reports));
         let by_own = self.is_utc.then_some((told, ClockSource::Vehicle));
-        exposure::written(by_reports.or(by_own), self.limit)
+        exposure::written(by_reports.or(by_own), limit)
     }
 }
