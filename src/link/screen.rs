@@ -102,6 +102,8 @@ const MOST_BETWEEN: i64 = 32;
 
 pub(super) struct Screen {
     playout: Playout,
+    /// Seconds after which another packet may have the same number.
+    stale: f64,
     /// When packets began to come, seconds.
     began: VecDeque<(u32, f64)>,
     /// Those whose poses the decoder has not been told yet.
@@ -149,10 +151,11 @@ struct Turning {
 }
 
 impl Screen {
-    pub fn new(options: &TopsideOptions) -> Screen {
+    pub fn new(options: &TopsideOptions, link: &TopsideLink) -> Screen {
         let set = || FrameSet::with_room(PACKETS);
         Screen {
             playout: options.playout,
+            stale: link.collector().options().age,
             began: VecDeque::with_capacity(PACKETS + 1),
             to_hold: set(),
             is_stream: false,
@@ -174,7 +177,10 @@ impl Screen {
     /// Notes a modem frame of the vehicle that came at `now`, and the frame whose packet it made longer, or whole.
     pub fn note(&mut self, now: f64, grown: Option<(u32, bool)>, link: &TopsideLink) {
         let Some((frame, is_whole)) = grown else { return };
-        if !self.began.iter().any(|(number, _)| *number == frame) {
+        if !self.began.iter().any(|(number, at)| *number == frame && now - at <= self.stale) {
+            // A vehicle that begins anew may have the same numbers.
+            self.began.retain(|(number, _)| *number != frame);
+            self.kept.remove(frame);
             if self.began.len() == PACKETS {
                 self.began.pop_front();
             }

@@ -436,3 +436,31 @@ fn no_wrong_picture_is_shown_and_both_ends_always_come_back() {
 fn the_same_with_the_device() {
     dives(&device::Device::new(), "DEVICE_DIVES", 3);
 }
+
+/// Its numbers are those of frames that were decoded before.
+#[test]
+fn a_vehicle_that_begins_anew_with_the_same_numbers_is_shown() {
+    let mut dive = Dive::new(&stub::Stub, 1);
+    dive.weather = Weather {
+        mtu: 64,
+        protection: Protection::Layers,
+        pacing: Pacing::Rate(12_000.0),
+        stream: true,
+        keys: false,
+        in_order: false,
+        loss: 0.0,
+        way: [0.05, 0.0],
+        ..dive.weather
+    };
+    dive.calm = true;
+    dive.restart_topside();
+    for _ in 0..2 {
+        dive.states = [Vec::new(), Vec::new()];
+        dive.restart_vehicle();
+        let before = dive.shown.len();
+        (0..12).for_each(|_| dive.step());
+        let shown = dive.shown.len() - before;
+        assert!(shown >= 8, "{shown} pictures");
+        dive.time += 6.0;
+    }
+}

@@ -64,7 +64,7 @@ impl<D: LinkDecoder> Topside<D> {
             let _ = decoder.add_camera(camera);
         }
         Ok(Topside {
-            screen: Screen::new(options),
+            screen: Screen::new(options, &link),
             link,
             decoder,
             ahead: Decoded::default(),
