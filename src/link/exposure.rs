@@ -48,7 +48,7 @@ pub fn stamp(seconds: f64) -> u16 {
 /// A time as it travels; `None`: the vehicle knows none.
 pub fn written(time: Option<(f64, ClockSource)>, limit: AgeLimit) -> [u8; EXPOSURE_LEN] {
     let word = match time {
-        Some((seconds, ClockSource::Reports)) => stamp(seconds) / CUT | STEPS,
+        Some((seconds, ClockSource::Reports)) => (stamp(seconds) / CUT) | STEPS,
         // The last step of a period is told as the one before.
         Some((seconds, ClockSource::Vehicle)) => (stamp(seconds) / CUT).min(NO_TIME - 1),
         None => NO_TIME,
