@@ -29,7 +29,7 @@ fail() {
 
 export GST_PLUGIN_PATH="$built" GST_REGISTRY="$work/registry" GST_DEBUG_NO_COLOR=1
 gst-inspect-1.0 nvsprior > "$work/inspect.log" || fail "the plugin does not load"
-for element in nvspenc nvsppay nvspdepay nvspdec; do
+for element in nvspvehicle nvsptopside nvspenc nvspdec; do
     gst-inspect-1.0 "$element" > "$work/$element.log" || fail "$element is not there"
     grep -q "stats" "$work/$element.log" || fail "$element has no statistics"
 done
