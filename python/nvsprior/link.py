@@ -56,8 +56,8 @@ class Vehicle:
     ) -> Encoded | None:
         """Takes a camera frame: all of them count. None: it is left out, as the link has no bytes for it.
 
-        ``exposed``: when, seconds; None: now. ``ready``: tells the time once it is coded; None: it is ``now``. ``user``:
-        user bytes that travel with it.
+        ``exposed``: when, seconds; None: now. ``ready``: tells the time once it is coded; None: it is ``now``.
+        ``user``: user bytes that travel with it.
         """
         planned = self.link.plan(now, exposed)
         if planned is None:

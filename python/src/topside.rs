@@ -16,7 +16,7 @@ use crate::geometry::PyCamera;
 use crate::handle::{Handle, detached};
 use crate::keys::PyKeys;
 use crate::prior::PyPrior;
-use crate::vehicle::any;
+use crate::vehicle::{any, counts};
 
 /// What has come of a packet.
 #[pyclass(frozen, get_all, module = "nvsprior", name = "Received")]
@@ -216,12 +216,12 @@ impl PyTopside {
     /// Counts since the start, by name.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counts(py, self.0.enter()?.link())
+        statistics(py, self.0.enter()?.link())
     }
 }
 
-/// The topside's end of a link for packets, which are decoded elsewhere: `Topside` decodes, too. Give `receive` what the
-/// modem received; then take what `next_packet` and `report` give, until they give None. The arguments are those of
+/// The topside's end of a link for packets, which are decoded elsewhere: `Topside` decodes, too. Give `receive` what
+/// the modem received; then take what `next_packet` and `report` give, until they give None. The arguments are those of
 /// `Topside`; playout is "newest" or "in order".
 #[pyclass(frozen, module = "nvsprior", name = "TopsideLink")]
 pub struct PyTopsideLink(Handle<TopsideLink>);
@@ -316,7 +316,7 @@ impl PyTopsideLink {
     /// Counts since the start, by name.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        counts(py, &*self.0.enter()?)
+        statistics(py, &*self.0.enter()?)
     }
 }
 
@@ -342,41 +342,25 @@ fn event(py: Python, link: &mut TopsideLink) -> PyResult<Option<(&'static str, P
     }))
 }
 
-fn counts<'py>(py: Python<'py>, link: &TopsideLink) -> PyResult<Bound<'py, PyDict>> {
-    let CollectorStatistics {
-        accepted,
-        duplicates,
-        rejected,
-        waiting,
-        arrived,
-        sent,
-        completed,
-        repaired,
-        partial,
-        lost,
-        damaged,
-        foreign,
-        replayed,
-    } = link.statistics();
-    let counts = PyDict::new(py);
-    for (name, count) in [
-        ("accepted", accepted),
-        ("duplicates", duplicates),
-        ("rejected", rejected),
-        ("waiting", waiting),
-        ("arrived", arrived),
-        ("sent", sent),
-        ("completed", completed),
-        ("repaired", repaired),
-        ("partial", partial),
-        ("lost", lost),
-        ("damaged", damaged),
-        ("foreign", foreign),
-        ("replayed", replayed),
-    ] {
-        counts.set_item(name, count)?;
-    }
-    Ok(counts)
+fn statistics<'py>(py: Python<'py>, link: &TopsideLink) -> PyResult<Bound<'py, PyDict>> {
+    counts!(
+        py,
+        CollectorStatistics {
+            accepted,
+            duplicates,
+            rejected,
+            waiting,
+            arrived,
+            sent,
+            completed,
+            repaired,
+            partial,
+            lost,
+            damaged,
+            foreign,
+            replayed
+        } = link.statistics()
+    )
 }
 
 /// Divides a packet into modem frames of at most `mtu` bytes, without protection: for packets that exist already.

@@ -35,10 +35,10 @@ impl From<Division> for PyDivision {
     }
 }
 
-/// The vehicle's end of a link for packets: rate, protection, keys, frame numbers, and what the topside holds. `Vehicle`
-/// has an encoder, too. For each camera frame: `plan`, `instruct` the encoder, encode, `push`. Whenever the modem is
-/// free, send what `transmit` gives; give `receive` what the modem received. Times are seconds on a clock of the
-/// caller's.
+/// The vehicle's end of a link for packets: rate, protection, keys, frame numbers, and what the topside holds.
+/// `Vehicle` has an encoder, too. For each camera frame: `plan`, `instruct` the encoder, encode, `push`. Whenever the
+/// modem is free, send what `transmit` gives; give `receive` what the modem received. Times are seconds on a clock of
+/// the caller's.
 ///
 /// - `mtu`: most bytes of a modem frame. `overhead`: bytes that it costs on the link beside them.
 /// - `bit_rate`: bit/s; "pull": the modem asks by `transmit`; None, without protection alone: packets go as they come.
@@ -237,24 +237,25 @@ impl PyVehicleLink {
     /// Counts since the start, by name.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let SenderStatistics { left_out, packets, cut, shares, bytes, resent, foreign, replayed } =
-            self.0.enter()?.statistics();
-        let counts = PyDict::new(py);
-        for (name, count) in [
-            ("left_out", left_out),
-            ("packets", packets),
-            ("cut", cut),
-            ("shares", shares),
-            ("bytes", bytes),
-            ("resent", resent),
-            ("foreign", foreign),
-            ("replayed", replayed),
-        ] {
-            counts.set_item(name, count)?;
-        }
-        Ok(counts)
+        let statistics = self.0.enter()?.statistics();
+        counts!(
+            py,
+            SenderStatistics { left_out, packets, cut, shares, bytes, resent, foreign, replayed } =
+                statistics
+        )
     }
 }
+
+/// Counts by their names: all that the library has.
+macro_rules! counts {
+    ($py:expr, $statistics:ident { $($name:ident),* } = $found:expr) => {{
+        let $statistics { $($name),* } = $found;
+        let counts = PyDict::new($py);
+        $(counts.set_item(stringify!($name), $name)?;)*
+        Ok(counts)
+    }};
+}
+pub(crate) use counts;
 
 /// A value of any kind.
 pub fn any<'py>(
