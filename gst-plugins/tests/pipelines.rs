@@ -304,6 +304,12 @@ fn a_state_file_is_written_and_read() {
     pipeline.push(0, &fixture.frames[0].data);
     let error = pipeline.wait_for_error(20 * SECOND).unwrap();
     assert!(error.contains("a state of"), "{error}");
+    // One that cannot be written does not end the dive.
+    let pipeline = fixture.sending("loss=0 state-file=/no/such/folder/state");
+    assert!(!pipeline.run(&fixture.frames[..2]).buffers.is_empty());
+    let warnings = pipeline.warnings();
+    let text = "property state-file: /no/such/folder/state";
+    assert!(warnings.iter().any(|of| of.contains(text)), "{warnings:?}");
 }
 
 #[test]

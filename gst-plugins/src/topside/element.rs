@@ -17,12 +17,11 @@ use nvsprior::modem::CollectorStatistics;
 use super::end::{End, NextError, Picture};
 use crate::caps;
 use crate::element::{add_pads, guarded, linked, log_category, pad, registry, running_time};
+use crate::end_files::EndFiles;
 use crate::held_prior::{HeldPrior, PriorSettings};
-use crate::keys::KeySettings;
 use crate::lock::lock;
 use crate::property;
 use crate::showing::{self, showing_element};
-use crate::state_file;
 use crate::stats::{self, properties_with_stats};
 
 log_category!("nvsptopside", "nvsprior topside's end of a link");
@@ -39,7 +38,6 @@ struct Settings {
     report_every: u32,
     region: Option<String>,
     region_weight: u32,
-    state_file: Option<String>,
 }
 
 impl Default for Settings {
@@ -52,7 +50,6 @@ impl Default for Settings {
             report_every: 1000,
             region: None,
             region_weight: 8,
-            state_file: None,
         }
     }
 }
@@ -127,8 +124,6 @@ showing_element! {
         #[property(name = "region-weight", get, set, type = u32, member = region_weight, mutable_playing,
             default_value = 8, minimum = 1, maximum = 255,
             blurb = "How many times more an error in the region counts")]
-        #[property(name = "state-file", get, set, type = Option<String>, member = state_file, mutable_ready,
-            blurb = "File of what this end goes on with after a restart: the vehicle's camera, and numbers of keys")]
         settings: Mutex<Settings>,
 
         #[property(name = "key-file", get, set, type = Option<String>, member = key_file, mutable_ready,
@@ -138,7 +133,9 @@ showing_element! {
         #[property(name = "tag-bytes", get, set, type = u32, member = tag_bytes, mutable_ready, default_value = 4,
             minimum = 2, maximum = 16,
             blurb = "Bytes of a tag, as for nvspvehicle, with key-file")]
-        keys: Mutex<KeySettings>,
+        #[property(name = "state-file", get, set, type = Option<String>, member = state_file, mutable_ready,
+            blurb = "File of what this end goes on with after a restart: the vehicle's camera, and numbers of keys")]
+        files: Mutex<EndFiles>,
 
         pads: OnceLock<[gst::Pad; 2]>,
         reports: Mutex<Option<gst::Pad>>,
@@ -359,13 +356,7 @@ impl TopsideEnd {
                     message.field("event", "strangers").field("count", count)
                 }
                 TopsideEvent::Store => {
-                    let mut state = Vec::new();
-                    link.state(&mut state);
-                    if let Some(file) = &lock(&self.settings).state_file
-                        && let Err(error) = state_file::write(file, &state)
-                    {
-                        gst::element_imp_warning!(self, gst::ResourceError::Write, ("{error}"));
-                    }
+                    lock(&self.files).store(&*self.obj(), |into| link.state(into));
                     continue;
                 }
             };
@@ -635,12 +626,7 @@ impl TopsideEnd {
     }
 
     fn start(&self) -> Result<(), gst::ErrorMessage> {
-        let unread = |error: &dyn std::fmt::Display| {
-            gst::error_msg!(gst::ResourceError::OpenRead, ("{error}"))
-        };
-        let keys = lock(&self.keys).open().map_err(|error| unread(&error))?;
-        let file = lock(&self.settings).state_file.clone();
-        let stored = state_file::read(file.as_deref()).map_err(|error| unread(&error))?;
+        let (keys, stored) = lock(&self.files).read()?;
         let prior = lock(&self.prior).clone();
         let held = HeldPrior::open(&prior)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());

@@ -22,11 +22,10 @@ use super::settings::{LinkSettings, ProtectionKind};
 use crate::caps;
 use crate::coding::{self, ModeKind, SetUpError, StructureKind, TuneKind, Views, coding_element};
 use crate::element::{add_pads, guarded, linked, log_category, pad, registry, running_time};
+use crate::end_files::EndFiles;
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
-use crate::keys::KeySettings;
 use crate::lock::lock;
 use crate::property;
-use crate::state_file;
 use crate::stats::{self, properties_with_stats};
 
 log_category!("nvspvehicle", "nvsprior vehicle's end of a link");
@@ -120,8 +119,6 @@ coding_element! {
                 from")]
         #[property(name = "stamps", get, set, type = bool, member = stamps, mutable_ready, default_value = true,
             blurb = "Packets tell when their frame was exposed, once a report has come; with protection alone")]
-        #[property(name = "state-file", get, set, type = Option<String>, member = state_file, mutable_ready,
-            blurb = "File of what this end goes on with after a restart: numbers of frames and keys")]
         link: Mutex<LinkSettings>,
 
         #[property(name = "key-file", get, set, type = Option<String>, member = key_file, mutable_ready,
@@ -131,7 +128,9 @@ coding_element! {
         #[property(name = "tag-bytes", get, set, type = u32, member = tag_bytes, mutable_ready, default_value = 4,
             minimum = 2, maximum = 16,
             blurb = "Bytes of a tag, with key-file; 2 more are a number")]
-        keys: Mutex<KeySettings>,
+        #[property(name = "state-file", get, set, type = Option<String>, member = state_file, mutable_ready,
+            blurb = "File of what this end goes on with after a restart: numbers of frames and keys")]
+        files: Mutex<EndFiles>,
 
         pads: OnceLock<[gst::Pad; 2]>,
         counts: Mutex<Counts>,
@@ -396,13 +395,7 @@ impl VehicleEnd {
                     message.field("event", "frame-rate").field("rate", rate)
                 }
                 VehicleEvent::Store => {
-                    let mut state = Vec::new();
-                    link.state(&mut state);
-                    if let Some(file) = &lock(&self.link).state_file
-                        && let Err(error) = state_file::write(file, &state)
-                    {
-                        gst::element_imp_warning!(self, gst::ResourceError::Write, ("{error}"));
-                    }
+                    lock(&self.files).store(&*self.obj(), |into| link.state(into));
                     continue;
                 }
             };
@@ -526,12 +519,7 @@ impl VehicleEnd {
         if let Err(error) = lock(&self.coding).start.as_deref().map(property::pose).transpose() {
             return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
         }
-        let unread = |error: &dyn std::fmt::Display| {
-            gst::error_msg!(gst::ResourceError::OpenRead, ("{error}"))
-        };
-        let keys = lock(&self.keys).open().map_err(|error| unread(&error))?;
-        let file = lock(&self.link).state_file.clone();
-        let stored = state_file::read(file.as_deref()).map_err(|error| unread(&error))?;
+        let (keys, stored) = lock(&self.files).read()?;
         let prior = lock(&self.prior).clone();
         let held = HeldPrior::open(&prior)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());

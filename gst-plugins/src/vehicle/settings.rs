@@ -40,7 +40,6 @@ pub struct LinkSettings {
     pub expect_reports: bool,
     pub state_poses: bool,
     pub stamps: bool,
-    pub state_file: Option<String>,
 }
 
 /// Camera frames per second, if the caps do not say it.
@@ -65,7 +64,6 @@ impl Default for LinkSettings {
             expect_reports: true,
             state_poses: false,
             stamps: true,
-            state_file: None,
         }
     }
 }
