@@ -29,7 +29,7 @@ fail() {
 
 export GST_PLUGIN_PATH="$built" GST_REGISTRY="$work/registry" GST_DEBUG_NO_COLOR=1
 gst-inspect-1.0 nvsprior > "$work/inspect.log" || fail "the plugin does not load"
-for element in nvspenc nvsppay nvspdepay nvspdec; do
+for element in nvspvehicle nvsptopside nvspenc nvspdec; do
     gst-inspect-1.0 "$element" > "$work/$element.log" || fail "$element is not there"
     grep -q "stats" "$work/$element.log" || fail "$element has no statistics"
 done
@@ -63,7 +63,7 @@ mkdir "$work/window"
 replaced() {
     lines "$1" | sed -e "s#v4l2src device=/dev/video0#$source#" -e "s#framerate=5/1#framerate=$fps/1#" \
         -e "s#autovideosink#pngenc ! multifilesink location=window/%04d.png#" \
-        -e "s#gst-launch-1.0#exec gst-launch-1.0#" \
+        -e "s#gst-launch-1.0#exec gst-launch-1.0 -m#" \
         > "$work/$1.sh"
     [ -s "$work/$1.sh" ] || fail "docs/gstreamer.md has no lines of the name $1"
 }
@@ -89,6 +89,7 @@ for side in window station; do
         sleep 1
     done
     (cd "$work" && timeout 300 sh -eu vehicle.sh > "vehicle-$side.log" 2>&1) || fail "the vehicle's line"
+    grep -q topside-heard "$work/vehicle-$side.log" || fail "no report came to the vehicle: $side"
     sleep 4
     kill -0 $side_pid 2>/dev/null || fail "the topside's line has ended: $side"
     kill -INT $side_pid 2>/dev/null || true

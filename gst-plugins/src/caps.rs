@@ -6,10 +6,16 @@
 /// prior in hexadecimal; `trust`, `start` if a packet may end early and all bytes before its end are valid.
 pub const PACKET: &str = "video/x-nvsprior";
 
-/// Shares: one buffer is one share, a datagram or a modem frame.
+/// Modem frames: one buffer is one modem frame or datagram.
 ///
 /// Fields, all optional: `framerate` of the camera; `stream`, 0 to 3.
 pub const SHARE: &str = "application/x-nvsprior-share";
+
+/// Reports: one buffer is one report of the topside.
+pub const REPORT: &str = "application/x-nvsprior-report";
+
+/// What a frame takes to be coded, if no caps state a frame rate.
+pub const UNKNOWN_FRAME_TIME: gst::ClockTime = gst::ClockTime::from_mseconds(100);
 
 pub fn any(name: &str) -> gst::Caps {
     gst::Caps::new_empty_simple(name)
@@ -23,12 +29,6 @@ pub fn pictures(formats: &[gst_video::VideoFormat], max_side: u32) -> gst::Caps 
         .width_range(side.clone())
         .height_range(side)
         .build()
-}
-
-/// The template of a pad that is always there.
-pub fn template(name: &str, direction: gst::PadDirection, caps: &gst::Caps) -> gst::PadTemplate {
-    gst::PadTemplate::new(name, direction, gst::PadPresence::Always, caps)
-        .expect("a name, a direction and caps make a template")
 }
 
 /// The camera's frame rate that caps state, frames per second; `None`: they state none.

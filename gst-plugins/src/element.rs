@@ -29,9 +29,12 @@ macro_rules! log_category {
 }
 pub(crate) use log_category;
 
-/// The functions of `ElementImpl` about the registry: names, and the templates of both pads.
+/// The functions of `ElementImpl` about the registry: names, and the templates of the pads.
 macro_rules! registry {
-    ($name:literal, $kind:literal, $about:literal, sink: $sink:expr, src: $src:expr) => {
+    (
+        $name:literal, $kind:literal, $about:literal,
+        [$(($pad:literal, $direction:ident, $presence:ident, $caps:expr)),* $(,)?]
+    ) => {
         fn metadata() -> Option<&'static gst::subclass::ElementMetadata> {
             static METADATA: std::sync::LazyLock<gst::subclass::ElementMetadata> =
                 std::sync::LazyLock::new(|| {
@@ -42,14 +45,20 @@ macro_rules! registry {
         }
 
         fn pad_templates() -> &'static [gst::PadTemplate] {
-            static TEMPLATES: std::sync::LazyLock<[gst::PadTemplate; 2]> =
+            static TEMPLATES: std::sync::LazyLock<Vec<gst::PadTemplate>> =
                 std::sync::LazyLock::new(|| {
-                    [
-                        crate::caps::template("sink", gst::PadDirection::Sink, &$sink),
-                        crate::caps::template("src", gst::PadDirection::Src, &$src),
-                    ]
+                    let template = |name, direction, presence, caps: gst::Caps| {
+                        gst::PadTemplate::new(name, direction, presence, &caps)
+                            .expect("a name, a direction and caps make a template")
+                    };
+                    vec![$(template(
+                        $pad,
+                        gst::PadDirection::$direction,
+                        gst::PadPresence::$presence,
+                        $caps,
+                    )),*]
                 });
-            &*TEMPLATES
+            &TEMPLATES
         }
     };
 }
@@ -57,12 +66,42 @@ pub(crate) use registry;
 
 /// A pad of a registered template.
 pub fn pad(template: Option<gst::PadTemplate>) -> gst::PadBuilder<gst::Pad> {
-    gst::Pad::builder_from_template(&template.expect("both templates are registered"))
+    gst::Pad::builder_from_template(&template.expect("all templates are registered"))
 }
+
+/// Has queries and events of a pad go on by one other alone, or end: reports run in the other direction, and would have
+/// them run in a circle.
+pub fn linked(
+    pad: gst::PadBuilder<gst::Pad>,
+    other: Option<&'static str>,
+) -> gst::PadBuilder<gst::Pad> {
+    pad.iterate_internal_links_function(move |_, parent| {
+        let element = parent.and_then(|parent| parent.downcast_ref::<gst::Element>());
+        let other = element.zip(other).and_then(|(element, name)| element.static_pad(name));
+        gst::Iterator::from_vec(other.into_iter().collect())
+    })
+}
+
+/// A pad's function. A panic in it ends the pipeline.
+macro_rules! guarded {
+    ($class:ident, $failed:expr, |$this:ident, $pad:pat_param $(, $given:ident)*| $done:expr) => {
+        |$pad, parent $(, $given)*| {
+            $class::catch_panic_pad_function(parent, || $failed, |$this| $done)
+        }
+    };
+}
+pub(crate) use guarded;
 
 /// Gives a new element its pads.
 pub fn add_pads(element: &impl IsA<gst::Element>, pads: [&gst::Pad; 2]) {
     for pad in pads {
         element.add_pad(pad).expect("a new element has no pads yet");
     }
+}
+
+/// The running time at which a buffer came that went through a pad; `None`: it has no time.
+pub fn running_time(pad: &gst::Pad, buffer: &gst::BufferRef) -> Option<f64> {
+    let segment = pad.sticky_event::<gst::event::Segment>(0)?;
+    let segment = segment.segment().downcast_ref::<gst::ClockTime>()?;
+    Some(segment.to_running_time(buffer.dts_or_pts()?)?.seconds_f64())
 }

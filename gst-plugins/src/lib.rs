@@ -2,9 +2,9 @@
 //!
 //! | element | from | to |
 //! |---|---|---|
+//! | `nvspvehicle` | `video/x-raw`, and reports | modem frames |
+//! | `nvsptopside` | modem frames | `video/x-raw`, and reports |
 //! | `nvspenc` | `video/x-raw` | packets |
-//! | `nvsppay` | packets | shares, each one datagram or modem frame |
-//! | `nvspdepay` | shares | packets |
 //! | `nvspdec` | packets | `video/x-raw` |
 //!
 //! `docs/gstreamer.md` says how they are used.
@@ -13,27 +13,27 @@
 // `plugin_define` makes public items without any.
 #![allow(missing_docs)]
 
-mod budget;
 mod caps;
+mod coding;
 mod decoder;
-mod depayloader;
 mod element;
 mod encoder;
+mod end_files;
 mod held_prior;
-mod keys;
 mod lock;
-mod payloader;
 mod property;
+mod showing;
 mod stats;
+mod topside;
+mod vehicle;
 
 use gst::glib;
 
 fn plugin_init(plugin: &gst::Plugin) -> Result<(), glib::BoolError> {
-    budget::register();
+    vehicle::register(plugin)?;
+    topside::register(plugin)?;
     encoder::register(plugin)?;
-    decoder::register(plugin)?;
-    payloader::register(plugin)?;
-    depayloader::register(plugin)
+    decoder::register(plugin)
 }
 
 gst::plugin_define!(

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use nvsprior::geometry::{CameraError, Distortion, Intrinsics, Lens, LensError};
 use nvsprior::image::{Mask, PixelError};
+use nvsprior::link::Region;
 use nvsprior::residual::Interest;
 use nvsprior::{Camera, Pose};
 
@@ -108,20 +109,36 @@ pub fn pose(text: &str) -> Result<Pose, PropertyError> {
 
 /// A part of pictures of a size, with a weight. `text`: its left and upper edge, width and height, all from 0 to 1.
 pub fn region(text: &str, size: (u32, u32), weight: u8) -> Result<Interest, PropertyError> {
+    let [x, y, width, height] = region_parts(text)?;
+    let part = |from: f64, length: f64, of: u32| {
+        let pixel = |at: f64| (at * f64::from(of)) as u32;
+        // At least one pixel.
+        pixel(from).min(of - 1)..pixel(from + length).max(pixel(from) + 1)
+    };
+    let (across, down) = (part(x, width, size.0), part(y, height, size.1));
+    Interest::rectangle(size, across, down, weight)
+        .map_err(|_| PropertyError::Region(text.to_owned()))
+}
+
+/// The same for a topside, which does not know the pictures' size yet.
+pub fn pilots_region(text: &str, weight: u32) -> Result<Region, PropertyError> {
+    let [x, y, width, height] = region_parts(text)?;
+    let edges = [x, y, (x + width).min(1.0), (y + height).min(1.0)];
+    let weight = u8::try_from(weight).unwrap_or(u8::MAX);
+    Region::new(edges, weight).ok_or_else(|| PropertyError::Region(text.to_owned()))
+}
+
+fn region_parts(text: &str) -> Result<[f64; 4], PropertyError> {
     let numbers = numbers("region", text)?;
     let [x, y, width, height] = numbers[..] else {
         return Err(count("region", text, numbers.len(), REGION_FORM));
     };
-    let wrong = || PropertyError::Region(text.to_owned());
-    let part = |from: f64, length: f64, of: u32| {
-        let inside = from >= 0.0 && length > 0.0 && from + length <= 1.0 + 1e-9;
-        let pixel = |at: f64| (at * f64::from(of)) as u32;
-        // At least one pixel.
-        inside.then(|| pixel(from).min(of - 1)..pixel(from + length).max(pixel(from) + 1))
-    };
-    let (across, down) = (part(x, width, size.0), part(y, height, size.1));
-    let (across, down) = (across.ok_or_else(wrong)?, down.ok_or_else(wrong)?);
-    Interest::rectangle(size, across, down, weight).map_err(|_| wrong())
+    let inside =
+        |from: f64, length: f64| from >= 0.0 && length > 0.0 && from + length <= 1.0 + 1e-9;
+    match inside(x, width) && inside(y, height) {
+        true => Ok([x, y, width, height]),
+        false => Err(PropertyError::Region(text.to_owned())),
+    }
 }
 
 /// The mask in a PNG file: white counts.

@@ -1,4 +1,4 @@
-//! Elements with keys: what `nvsppay` sends is shown, and nothing else.
+//! Ends of a link with keys: what the vehicle sends is shown, and nothing else.
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
@@ -6,7 +6,7 @@ mod fixture;
 #[path = "../../tests/scene/mod.rs"]
 mod scene;
 
-use fixture::{Pipeline, fixture};
+use fixture::fixture;
 use gst::glib;
 use gst::prelude::*;
 use nvsprior::keys::{Content, Key, Keys, Refusal, Verifier};
@@ -41,43 +41,24 @@ fn pictures_come_through_and_strangers_do_not() {
     let (fixture, folder) = (fixture(), Folder::new());
     let frames = &fixture.frames[..6];
     let own = folder.key("own");
-    for (encoder, payloader) in [
-        ("rate=link bit-rate=40000 loss=0 mtu=64 tag-bytes=4", "loss=0"),
-        ("rate=bytes bytes=200", "loss=0 mtu=64"),
-    ] {
-        let pay = format!("nvsppay name=payloader {payloader} {own} epoch=3");
-        let shares = fixture.encoding(encoder, &pay).run(frames);
-        assert!(shares.bytes().iter().all(|share| share.len() <= 64), "{encoder}");
-        let shown = |topside: &str| {
-            let depay = format!("{pay} ! nvspdepay name=depayloader mtu=64 {topside}");
-            let pipeline = fixture.pipeline(encoder, &depay);
-            let shown = pipeline.run(frames);
-            (shown.buffers.len(), pipeline.stats("payloader"), pipeline.stats("depayloader"))
-        };
-        let (pictures, sent, heard) = shown(&format!("{own} epoch=3"));
-        assert_eq!(pictures, 6, "{encoder}: {heard}");
-        assert_eq!(count(&sent, "next-number"), count(&heard, "datagrams"));
-        assert_eq!((count(&heard, "refused"), count(&heard, "foreign")), (0, 0));
-        for strange in ["", &own, &format!("{own} epoch=3 tag-bytes=5"), &folder.key("other")] {
-            let (pictures, _, heard) = shown(strange);
-            assert_eq!(pictures, 0, "{strange}: {heard}");
-            assert_eq!(count(&heard, "refused"), count(&heard, "datagrams"));
-            let foreign = if strange.is_empty() { 0 } else { count(&heard, "datagrams") };
-            assert_eq!(count(&heard, "foreign"), foreign, "{strange}");
-        }
-    }
-}
-
-#[test]
-fn a_plan_without_room_for_tags_is_named() {
-    let (fixture, folder) = (fixture(), Folder::new());
-    let own = folder.key("own");
-    for (tag, payloader) in [(0, format!("nvsppay {own}")), (4, "nvsppay".into())] {
-        let encoder = format!("rate=link bit-rate=40000 tag-bytes={tag}");
-        let pipeline = fixture.encoding(&encoder, &payloader);
-        assert!(pipeline.run(&fixture.frames[..2]).buffers.is_empty());
-        let warnings = pipeline.warnings();
-        assert!(warnings.iter().any(|text| text.contains("its tag-bytes must be")), "{warnings:?}");
+    let vehicle = format!("bit-rate=40000 loss=0 mtu=64 {own} epoch=3");
+    let shares = fixture.sending(&vehicle).run(frames);
+    assert!(shares.bytes().iter().all(|share| share.len() <= 64));
+    let shown = |topside: &str| {
+        let pipeline = fixture.link(&vehicle, topside);
+        let shown = pipeline.run(frames);
+        (shown.buffers.len(), pipeline.stats("vehicle"), pipeline.stats("topside"))
+    };
+    let (pictures, sent, heard) = shown(&format!("{own} epoch=3"));
+    assert_eq!(pictures, 6, "{heard}");
+    assert_eq!(count(&sent, "shares"), count(&heard, "datagrams"));
+    assert_eq!((count(&heard, "refused"), count(&heard, "foreign")), (0, 0));
+    for strange in ["", &own, &format!("{own} epoch=3 tag-bytes=5"), &folder.key("other")] {
+        let (pictures, _, heard) = shown(strange);
+        assert_eq!(pictures, 0, "{strange}: {heard}");
+        assert_eq!(count(&heard, "refused"), count(&heard, "datagrams"));
+        let foreign = if strange.is_empty() { 0 } else { count(&heard, "datagrams") };
+        assert_eq!(count(&heard, "foreign"), foreign, "{strange}");
     }
 }
 
@@ -86,7 +67,7 @@ fn key_files_that_cannot_be_used_are_named_and_not_shown() {
     let (fixture, folder) = (fixture(), Folder::new());
     for (name, text) in [("bad", "line 1: a key is 64 hexadecimal digits"), ("none", "none")] {
         let key = folder.key(name);
-        let pipeline = fixture.encoding("rate=bytes bytes=200", &format!("nvsppay {key}"));
+        let pipeline = fixture.sending(&key);
         assert!(pipeline.0.set_state(gst::State::Playing).is_err());
         let error = pipeline.error().unwrap();
         assert!(error.contains("property key-file") && error.contains(text), "{error}");
@@ -99,17 +80,15 @@ fn key_files_that_cannot_be_used_are_named_and_not_shown() {
 fn reports_have_a_tag() {
     let (fixture, folder) = (fixture(), Folder::new());
     let own = folder.key("own");
-    let text = format!("nvsppay loss=0 {own} ! nvspdepay name=depayloader {own}");
-    let pipeline: Pipeline = fixture.encoding("rate=bytes bytes=200", &text);
+    let pipeline = fixture.link(&format!("loss=0 bit-rate=20000 {own}"), &own);
     pipeline.play();
     pipeline.push_frames(&fixture.frames[..4]);
     pipeline.end();
     pipeline.drain();
     let report = pipeline
-        .element("depayloader")
+        .element("topside")
         .emit_by_name::<Option<glib::Bytes>>("report", &[])
         .expect("packets have come");
-    assert_eq!(count(&pipeline.stats("depayloader"), "next-number"), 1);
     let verifier = |byte| {
         let keys = Keys::new([Key::new([byte; 32])]).unwrap();
         Verifier::new(&keys.with_tag_bytes(4).unwrap(), Content::Report)

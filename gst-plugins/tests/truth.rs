@@ -146,3 +146,19 @@ fn without_maps_nothing_is_seen() {
         assert!(!message.has_field("differs-above"));
     }
 }
+
+/// A topside tells it as a decoder does.
+#[test]
+fn a_topside_marks_pictures_too() {
+    let topside = "truth-messages=true post-messages=true";
+    let pipeline = fixture().link("bit-rate=8000 loss=0", topside);
+    let shown = pipeline.run(&frames());
+    let messages = pipeline.element_messages();
+    let of = |name: &str| messages.iter().filter(|of| of.name() == name).count();
+    assert_eq!((of("nvsptopside-truth"), of("nvsptopside-frame")), (4, 4));
+    let regions =
+        shown.buffers.iter().map(|of| of.iter_meta::<VideoRegionOfInterestMeta>().count());
+    assert!(regions.sum::<usize>() > 0);
+    let drawn_over = fixture().link("bit-rate=8000 loss=0", "overlay=true").run(&frames());
+    assert!(drawn_over.bytes() != shown.bytes());
+}

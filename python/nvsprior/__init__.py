@@ -17,9 +17,6 @@ pixels release the GIL. An object that two threads use at once raises BusyError;
 from ._nvsprior import (
     Camera,
     Channel,
-    Collected,
-    CollectedPacket,
-    Collector,
     Decoded,
     Decoder,
     Division,
@@ -30,12 +27,16 @@ from ._nvsprior import (
     Keys,
     Pose,
     Prior,
-    ProcessedReport,
+    Received,
     Renderer,
-    Sender,
+    Topside,
+    TopsideLink,
+    VehicleLink,
     __version__,
     devices,
+    join,
     map,
+    split,
 )
 from .errors import (
     ArgumentError,
@@ -61,7 +62,7 @@ from .errors import (
     ResidualError,
     StateError,
 )
-from .link import Shown, link
+from .link import Shown, Vehicle, link
 
 __all__ = [
     "ArgumentError",
@@ -71,9 +72,6 @@ __all__ = [
     "CameraError",
     "CameraUnknownError",
     "Channel",
-    "Collected",
-    "CollectedPacket",
-    "Collector",
     "Decoded",
     "Decoder",
     "DeviceError",
@@ -98,15 +96,20 @@ __all__ = [
     "Pose",
     "Prior",
     "PriorError",
-    "ProcessedReport",
+    "Received",
     "Renderer",
     "ReplayedError",
     "ResidualError",
-    "Sender",
     "Shown",
     "StateError",
+    "Topside",
+    "TopsideLink",
+    "Vehicle",
+    "VehicleLink",
     "__version__",
     "devices",
+    "join",
     "link",
     "map",
+    "split",
 ]

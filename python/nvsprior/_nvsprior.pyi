@@ -16,9 +16,6 @@ _Counts = dict[str, int]
 __all__ = [
     "Camera",
     "Channel",
-    "Collected",
-    "CollectedPacket",
-    "Collector",
     "Decoded",
     "Decoder",
     "Division",
@@ -29,11 +26,15 @@ __all__ = [
     "Keys",
     "Pose",
     "Prior",
-    "ProcessedReport",
+    "Received",
     "Renderer",
-    "Sender",
+    "Topside",
+    "TopsideLink",
+    "VehicleLink",
     "devices",
+    "join",
     "map",
+    "split",
     "__version__",
 ]
 __version__: str
@@ -349,69 +350,51 @@ class Division:
     def link_bytes(self) -> int: ...
 
 @final
-class ProcessedReport:
-    @property
-    def kept(self) -> list[int]: ...
-    @property
-    def poses(self) -> list[tuple[int, bool]]: ...
-    @property
-    def loss(self) -> float | None: ...
-    @property
-    def shares(self) -> int: ...
-    @property
-    def user(self) -> bytes | None: ...
-
-@final
-class Sender:
+class VehicleLink:
     def __new__(
         cls,
-        *,
-        bit_rate: float,
         mtu: int,
-        latency: float,
-        frame_rate: float,
-        delay: float = 0.0,
-        spread: float = 0.0,
+        bit_rate: float | Literal["pull"] | None,
+        frame_rate: float | None,
+        *,
+        picture_rate: float | None = None,
+        latency: float = 1.5,
+        delay: float = 0.3,
+        spread: float | None = None,
         overhead: int = 0,
         min_bytes: int = 40,
-        max_shares: int = 16,
-        loss: float = 0.0,
+        max_shares: int | None = None,
+        loss: float = 0.1,
         burst: float = 1.0,
-        user: int | None = None,
-        stream: int = 0,
         protection: Literal["layers"] | None = ...,
-        expect_reports: bool = False,
+        stream: int = 0,
+        stamps: bool = True,
+        utc: bool = False,
+        user_bytes: int = 0,
+        expect_reports: bool = True,
         keys: Keys | None = None,
-    ) -> Sender: ...
-    def plan(self, now: float) -> int | None: ...
+        state: bytes | None = None,
+    ) -> VehicleLink: ...
+    def plan(self, now: float, exposed: float | None = None) -> tuple[int, int] | None: ...
+    def drop_plan(self) -> None: ...
+    def instruct(self, encoder: Encoder) -> None: ...
     def push(self, now: float, packet: bytes, user: bytes | None = None) -> Division: ...
-    def next(self, now: float) -> tuple[float, bytes] | None: ...
+    def receive(self, now: float, report: bytes) -> None: ...
+    def transmit(self, now: float, most: int | None = None) -> bytes | None: ...
     @property
     def due(self) -> float | None: ...
-    @property
-    def waiting(self) -> int: ...
-    def process_report(self, now: float, report: bytes) -> ProcessedReport: ...
+    def event(self) -> tuple[str, object] | None: ...
+    def state(self) -> bytes: ...
     def set_bit_rate(self, now: float, bit_rate: float) -> None: ...
     def set_loss(self, loss: float, burst: float = 1.0) -> None: ...
-    def count(self, now: float, bytes: int) -> None: ...
+    def count_others(self, now: float, bytes: int) -> None: ...
     @property
-    def next_number(self) -> int | None: ...
+    def next_frame(self) -> int: ...
     @property
     def statistics(self) -> _Counts: ...
 
 @final
-class Collected:
-    @property
-    def kind(
-        self,
-    ) -> Literal["complete", "grown", "kept", "duplicate", "surplus", "damaged"]: ...
-    @property
-    def stream(self) -> int | None: ...
-    @property
-    def frame(self) -> int | None: ...
-
-@final
-class CollectedPacket:
+class Received:
     @property
     def frame(self) -> int: ...
     @property
@@ -419,43 +402,88 @@ class CollectedPacket:
     @property
     def complete(self) -> bool: ...
     @property
-    def ended(self) -> bool: ...
-    @property
-    def user(self) -> bytes | None: ...
+    def user(self) -> bytes: ...
     @property
     def arrived(self) -> int: ...
     @property
     def sent(self) -> int | None: ...
 
 @final
-class Collector:
+class Topside:
+    def __new__(
+        cls,
+        engine: Engine,
+        prior: Prior,
+        mtu: int,
+        *,
+        playout: Literal["newest", "in order", "on demand"] = "newest",
+        latency: float = 1.5,
+        frame_rate: float | None = None,
+        stream: int = 0,
+        max_shares: int | None = None,
+        packets: int = 64,
+        age: float | None = None,
+        modem_checks: bool = False,
+        report_every: float | None = ...,
+        utc: bool = False,
+        keys: Keys | None = None,
+        state: bytes | None = None,
+        display_filter: bool = False,
+    ) -> Topside: ...
+    def receive(self, now: float, frame: bytes) -> tuple[int, bool] | None: ...
+    def picture(self, now: float) -> tuple[float, Decoded] | None: ...
+    def show(
+        self, frame: int, reach: int = 8
+    ) -> tuple[Literal["own", "between", "held", "nothing"], _Picture | None]: ...
+    def packet(self, frame: int) -> Received | None: ...
+    def report(self, now: float) -> bytes | None: ...
+    @property
+    def due(self) -> float | None: ...
+    def event(self) -> tuple[str, object] | None: ...
+    def state(self) -> bytes: ...
+    def set_region(self, edges: Sequence[float] | None, weight: int = 8) -> None: ...
+    def set_user(self, user: bytes) -> None: ...
+    @property
+    def refusal(self) -> Error | None: ...
+    @property
+    def camera(self) -> Camera | None: ...
+    def add_camera(self, camera: Camera) -> None: ...
+    @property
+    def statistics(self) -> _Counts: ...
+
+@final
+class TopsideLink:
     def __new__(
         cls,
         mtu: int,
         *,
-        shares: int = 32,
-        packets: int = 16,
-        streams: int = 1,
-        age: float = 4.0,
-        modem_checks: bool = False,
-        keys: Keys | None = None,
-    ) -> Collector: ...
-    def push(self, now: float, frame: bytes) -> Collected: ...
-    def packet(self, frame: int, *, stream: int = 0) -> CollectedPacket | None: ...
-    def newest(self, *, stream: int = 0) -> CollectedPacket | None: ...
-    def missing(self, frame: int, *, stream: int = 0) -> list[int]: ...
-    def report(
-        self,
-        kept: Sequence[int] = ...,
-        *,
-        decoder: Decoder | None = None,
-        user: bytes | None = None,
+        playout: Literal["newest", "in order"] = "newest",
+        latency: float = 1.5,
+        frame_rate: float | None = None,
         stream: int = 0,
+        max_shares: int | None = None,
+        packets: int = 64,
+        age: float | None = None,
+        modem_checks: bool = False,
+        report_every: float | None = ...,
+        utc: bool = False,
+        keys: Keys | None = None,
+        state: bytes | None = None,
+    ) -> TopsideLink: ...
+    def receive(self, now: float, frame: bytes) -> tuple[int, bool] | None: ...
+    def next_packet(self, now: float) -> tuple[float, Received] | None: ...
+    def report(
+        self, now: float, kept: Sequence[int] = ..., *, decoder: Decoder | None = None
     ) -> bytes | None: ...
     @property
-    def next_number(self) -> int | None: ...
+    def due(self) -> float | None: ...
+    def event(self) -> tuple[str, object] | None: ...
+    def state(self) -> bytes: ...
     @property
     def statistics(self) -> _Counts: ...
+
+def split(packet: bytes, mtu: int) -> list[bytes]: ...
+def join(frames: Sequence[bytes], mtu: int) -> list[Received]: ...
 
 @final
 class Channel:

@@ -45,12 +45,12 @@ pub struct PyDecoded {
 }
 
 impl PyDecoded {
-    /// Takes the damage out of `decoded`.
-    fn new(py: Python, decoded: &mut Decoded, picture: Py<PyAny>) -> PyResult<PyDecoded> {
+    pub fn new(py: Python, decoded: &Decoded, picture: Py<PyAny>) -> PyResult<PyDecoded> {
         let truth = &decoded.truth;
         let blocks = [truth.rows as usize, truth.columns as usize];
         let levels = PyArray1::from_slice(py, &truth.levels).reshape(blocks)?;
-        let damage = decoded.damage.take().map(|error| PyErr::from(Failure::from(error)));
+        let damage = decoded.damage.as_ref();
+        let damage = damage.map(|error| PyErr::from(Failure::new(error.kind().into(), error)));
         Ok(PyDecoded {
             picture,
             frame: decoded.frame,
@@ -146,7 +146,7 @@ impl PyDecoder {
             Ok(decoder.decode_into(packet, trust, decoded)?)
         })?;
         let picture = write_picture(py, &call.decoded.picture, out)?.unbind();
-        PyDecoded::new(py, &mut call.decoded, picture)
+        PyDecoded::new(py, &call.decoded, picture)
     }
 
     /// Draws the prior at a pose for the camera of the packet decoded last: for frames that did not come. None if there

@@ -129,11 +129,17 @@ impl PyEncoded {
 #[pyclass(frozen, module = "nvsprior", name = "Encoder")]
 pub struct PyEncoder(Handle<Content>);
 
-struct Content {
-    encoder: Encoder,
+pub struct Content {
+    pub encoder: Encoder,
     /// The frame, in memory that is kept.
     frame: Picture,
     encoded: Encoded,
+}
+
+impl PyEncoder {
+    pub fn handle(&self) -> &Handle<Content> {
+        &self.0
+    }
 }
 
 #[pymethods]

@@ -1,6 +1,7 @@
 //! Failures of the library as Python's exceptions.
 
 use nvsprior::ErrorKind;
+use nvsprior::link::LinkError;
 use nvsprior::modem::ModemError;
 use nvsprior_train::mapper::MapError;
 use pyo3::prelude::*;
@@ -165,6 +166,19 @@ impl From<ModemError> for Failure {
         let argument =
             matches!(error, E::Mtu(_) | E::ShareMtu(_) | E::KeyedMtu { .. } | E::Stream(_));
         Failure::new(if argument { Kind::Argument } else { error.kind().into() }, error)
+    }
+}
+
+impl From<LinkError> for Failure {
+    fn from(error: LinkError) -> Failure {
+        match error {
+            LinkError::Modem(error) => error.into(),
+            LinkError::Key(error) => error.into(),
+            LinkError::Picture(error) => error.into(),
+            LinkError::Option { .. } | LinkError::State { .. } | LinkError::Epoch { .. } => {
+                Failure::argument(error)
+            }
+        }
     }
 }
 

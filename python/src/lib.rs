@@ -7,7 +7,6 @@
 
 mod arrays;
 mod channel;
-mod collector;
 mod decoder;
 mod encoder;
 mod engine;
@@ -19,7 +18,8 @@ mod map;
 mod options;
 mod prior;
 mod renderer;
-mod sender;
+mod topside;
+mod vehicle;
 
 use pyo3::prelude::*;
 
@@ -27,8 +27,6 @@ use pyo3::prelude::*;
 mod _nvsprior {
     #[pymodule_export]
     use super::channel::PyChannel;
-    #[pymodule_export]
-    use super::collector::{PyCollected, PyCollectedPacket, PyCollector};
     #[pymodule_export]
     use super::decoder::{PyDecoded, PyDecoder};
     #[pymodule_export]
@@ -46,7 +44,9 @@ mod _nvsprior {
     #[pymodule_export]
     use super::renderer::PyRenderer;
     #[pymodule_export]
-    use super::sender::{PyDivision, PyProcessedReport, PySender};
+    use super::topside::{PyReceived, PyTopside, PyTopsideLink, join, split};
+    #[pymodule_export]
+    use super::vehicle::{PyDivision, PyVehicleLink};
     use super::*;
 
     #[pymodule_init]

@@ -1,18 +1,16 @@
 //! The element `nvspdec`.
 
-mod truth;
-
 use std::sync::Mutex;
 use std::time::Instant;
 
 use gst::glib;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
+use gst_video::VideoDecoderRequestSyncPointFlags;
 use gst_video::prelude::*;
 use gst_video::subclass::prelude::*;
-use gst_video::{VideoDecoderRequestSyncPointFlags, VideoFormat, VideoInfo};
 
-use nvsprior::image::{ImageView, PixelFormat, write_picture};
+use nvsprior::image::PixelFormat;
 use nvsprior::packet::Parsed;
 use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Error, Trust};
@@ -21,7 +19,7 @@ use crate::caps;
 use crate::element::{log_category, registry};
 use crate::held_prior::{HeldPrior, PriorSettings, is_fatal};
 use crate::lock::lock;
-use crate::property;
+use crate::showing::{self, Complaint, showing_element};
 use crate::stats::{self, properties_with_stats};
 
 log_category!("nvspdec", "nvsprior decoder");
@@ -30,36 +28,13 @@ log_category!("nvspdec", "nvsprior decoder");
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]
 #[enum_type(name = "NvspriorTrust")]
 pub enum TrustKind {
-    #[enum_value(name = "As the caps say: start from nvspdepay, else whole", nick = "auto")]
+    #[enum_value(name = "As the caps say: start, else whole", nick = "auto")]
     #[default]
     Auto,
     #[enum_value(name = "Nothing: parts whose check does not match are left out", nick = "whole")]
     Whole,
     #[enum_value(name = "They are the undamaged start of a packet", nick = "start")]
     Start,
-}
-
-#[derive(Clone, Debug)]
-struct Settings {
-    camera: Option<String>,
-    trust: TrustKind,
-    post_messages: bool,
-    truth_messages: bool,
-    overlay: bool,
-    filter: bool,
-}
-
-impl Default for Settings {
-    fn default() -> Settings {
-        Settings {
-            camera: None,
-            trust: TrustKind::Auto,
-            post_messages: false,
-            truth_messages: false,
-            overlay: false,
-            filter: false,
-        }
-    }
 }
 
 /// What the element holds while it runs.
@@ -73,8 +48,7 @@ struct State {
     starts: bool,
     /// The picture's size and format that are agreed on downstream.
     output: Option<(u32, u32, PixelFormat)>,
-    /// What was wrong with the packet before, so that it is not said again and again.
-    wrong: Option<String>,
+    complaint: Complaint,
     /// The longest that a packet took, as it was told downstream.
     latency: gst::ClockTime,
 }
@@ -90,42 +64,17 @@ struct Counts {
     last: Option<gst::Structure>,
 }
 
-#[derive(Default, glib::Properties)]
-#[properties(wrapper_type = super::Decoder)]
-pub struct Decoder {
-    #[property(name = "prior", get, set, type = Option<String>, member = prior, mutable_ready,
-        blurb = "File of the trained scene, the same as the vehicle's: .ply, .nvsg, .nvsb, .spz; the content tells the \
-            format")]
-    #[property(name = "prior-memory", get, set, type = u32, member = memory, mutable_ready,
-        blurb = "Most memory for the splats of a prior in blocks (.nvsb), MiB: only those that cameras see are loaded; \
-            0: it is loaded whole")]
-    #[property(name = "device", get, set, type = Option<String>, member = device, mutable_ready,
-        blurb = "The Vulkan device's number, or a part of its name or its driver's name (default: the best device)")]
-    #[property(name = "watchdog", get, set, type = u32, member = watchdog, mutable_ready,
-        blurb = "Milliseconds that one submission to the device may take before the device counts as lost; 0: no \
-            bound")]
-    prior: Mutex<PriorSettings>,
+showing_element! {
+    wrapper: [super::Decoder];
+    #[derive(Default)]
+    struct Decoder {
+        #[property(name = "trust", get, set, mutable_playing,
+            blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
+        trust: Mutex<TrustKind>,
 
-    #[property(name = "camera", get, set, type = Option<String>, member = camera, mutable_ready,
-        blurb = "The vehicle's camera, width,height,fx,fy,cx,cy in pixels, so that packets can be decoded even if the \
-            one that told it was lost (default: packets tell it)")]
-    #[property(name = "trust", get, set, type = TrustKind, member = trust, mutable_playing,
-        blurb = "What is known of a packet's bytes", builder(TrustKind::Auto))]
-    #[property(name = "post-messages", get, set, type = bool, member = post_messages, mutable_playing,
-        blurb = "Post an element message nvspdec-frame with each picture's figures")]
-    #[property(name = "truth-messages", get, set, type = bool, member = truth_messages, mutable_playing,
-        blurb = "Post an element message nvspdec-truth with each picture: how far each block of it is from what the \
-            camera saw")]
-    #[property(name = "overlay", get, set, type = bool, member = overlay, mutable_playing,
-        blurb = "Draw over each picture what of it differs from what the camera saw (yellow stripes), is wrong \
-            (magenta lattice), or was not seen (grey, with dots)")]
-    #[property(name = "filter", get, set, type = bool, member = filter, mutable_ready,
-        blurb = "Filter pictures by a small network that knows the scene, with the prior's weights, or with the \
-            library's")]
-    settings: Mutex<Settings>,
-
-    counts: Mutex<Counts>,
-    state: Mutex<State>,
+        counts: Mutex<Counts>,
+        state: Mutex<State>,
+    }
 }
 
 /// What becomes of a packet.
@@ -136,18 +85,6 @@ enum Fate {
     /// It was too late, and no later frame needs it.
     Late,
 }
-
-/// The formats that pictures are written in.
-const FORMATS: [(VideoFormat, PixelFormat); 4] = [
-    (VideoFormat::Rgb, PixelFormat::Rgb8),
-    (VideoFormat::Rgbx, PixelFormat::Rgba8),
-    (VideoFormat::Rgba, PixelFormat::Rgba8),
-    (VideoFormat::Bgr, PixelFormat::Bgr8),
-];
-
-/// Latency is told in steps of this, and up to the most.
-const LATENCY_STEP: gst::ClockTime = gst::ClockTime::from_mseconds(20);
-const MAX_LATENCY: gst::ClockTime = gst::ClockTime::from_seconds(1);
 
 impl Decoder {
     fn stats(&self) -> gst::Structure {
@@ -171,7 +108,7 @@ impl Decoder {
         packet: &[u8],
         late: bool,
     ) -> Result<Fate, gst::ErrorMessage> {
-        let trust = match lock(&self.settings).trust {
+        let trust = match *lock(&self.trust) {
             TrustKind::Start => Trust::Start,
             TrustKind::Auto if state.starts => Trust::Start,
             TrustKind::Auto | TrustKind::Whole => Trust::Whole,
@@ -203,8 +140,7 @@ impl Decoder {
 
     /// Tells the pipeline how long pictures take, if that has grown: sinks wait for so long.
     fn tell_latency(&self, state: &mut State, taken: gst::ClockTime) {
-        let steps = taken.nseconds().div_ceil(LATENCY_STEP.nseconds());
-        let latency = (LATENCY_STEP * steps).min(MAX_LATENCY);
+        let latency = showing::latency_of(taken);
         if latency > state.latency {
             state.latency = latency;
             self.obj().set_latency(latency, None);
@@ -212,28 +148,7 @@ impl Decoder {
     }
 
     fn count(&self, decoded: &Decoded, bytes: usize, taken: gst::ClockTime) {
-        let mut figures = gst::Structure::builder("nvspdec-frame")
-            .field("frame", decoded.frame)
-            .field("bytes", bytes as u32)
-            .field("certain", !decoded.uncertain)
-            .field("kept", decoded.kept)
-            .field("portable", decoded.portable)
-            .field("filtered", decoded.filtered)
-            .field("milliseconds", taken.mseconds() as f64)
-            .build();
-        if let Some(reference) = decoded.reference {
-            figures.set("reference", reference);
-        }
-        if let Some(known) = &decoded.known {
-            figures.set("position-deviation", known.position);
-            figures.set("rotation-deviation", known.rotation);
-        }
-        if let Some(same) = decoded.same_render {
-            figures.set("same-render", same);
-        }
-        if let Some(damage) = &decoded.damage {
-            figures.set("damage", damage.to_string());
-        }
+        let figures = showing::figures("nvspdec-frame", decoded, bytes, taken);
         {
             let mut counts = lock(&self.counts);
             counts.pictures += 1;
@@ -241,27 +156,23 @@ impl Decoder {
             counts.last = Some(figures.clone());
         }
         let (figures_wanted, truth_wanted) = {
-            let settings = lock(&self.settings);
+            let settings = lock(&self.showing);
             (settings.post_messages, settings.truth_messages)
         };
         if figures_wanted {
             stats::post(self.obj().upcast_ref(), figures);
         }
         if truth_wanted {
-            self.post_truth(decoded);
+            let truth = showing::truth("nvspdec-truth", decoded);
+            stats::post(self.obj().upcast_ref(), truth);
         }
     }
 
     /// Says what is wrong with a packet, unless the packet before said the same.
     fn complain(&self, state: &mut State, wrong: Option<(&Error, &str)>) {
-        let Some((error, effect)) = wrong else {
-            state.wrong = None;
-            return;
-        };
-        // Frame numbers change from packet to packet.
-        let kind = format!("{:?}", std::mem::discriminant(error));
-        if state.wrong.as_ref() != Some(&kind) {
-            state.wrong = Some(kind);
+        if state.complaint.is_new(wrong.map(|(error, _)| error))
+            && let Some((error, effect)) = wrong
+        {
             gst::element_imp_warning!(self, gst::StreamError::Decode, ("{error}: {effect}"));
         }
     }
@@ -274,16 +185,7 @@ impl Decoder {
         }) {
             return Ok(format);
         }
-        let template = self.obj().src_pad().pad_template_caps();
-        let mut wanted = self.obj().src_pad().allowed_caps().unwrap_or(template);
-        if wanted.is_empty() {
-            return Err(gst::FlowError::NotNegotiated);
-        }
-        wanted.fixate();
-        let name = wanted.structure(0).and_then(|fields| fields.get::<String>("format").ok());
-        let format = name.map_or(VideoFormat::Rgb, |name| VideoFormat::from_string(&name));
-        let written = FORMATS.iter().find(|(of, _)| *of == format);
-        let (_, written) = *written.ok_or(gst::FlowError::NotNegotiated)?;
+        let (format, written) = showing::choose_format(self.obj().src_pad())?;
         let input = state.input.as_ref();
         let element = self.obj();
         element.negotiate(element.set_output_state(format, width, height, input)?)?;
@@ -301,18 +203,10 @@ impl Decoder {
         self.obj().allocate_output_frame(frame, None)?;
         let output = self.obj().output_state().ok_or(gst::FlowError::NotNegotiated)?;
         let buffer = frame.output_buffer_mut().ok_or(gst::FlowError::Error)?;
-        truth::mark_regions(&state.decoded, buffer);
-        if lock(&self.settings).overlay {
-            let Decoded { picture, truth, .. } = &mut state.decoded;
-            truth.draw_over(picture);
-        }
-        let info: &VideoInfo = output.info();
-        let mut mapped = gst_video::VideoFrameRef::from_buffer_ref_writable(buffer, info)
-            .map_err(|_| gst::FlowError::Error)?;
-        let stride = mapped.plane_stride().first().map_or(0, |stride| (*stride).max(0) as usize);
-        let plane = mapped.plane_data_mut(0).map_err(|_| gst::FlowError::Error)?;
-        write_picture(&state.decoded.picture, format, stride, plane).map_err(|error| {
-            gst::element_imp_error!(self, gst::StreamError::Decode, ("{error}"));
+        let overlay = lock(&self.showing).overlay;
+        let written = showing::write(&state.decoded, overlay, (output.info(), format), buffer);
+        written.map_err(|error| {
+            self.post_error_message(error);
             gst::FlowError::Error
         })
     }
@@ -361,8 +255,7 @@ impl ElementImpl for Decoder {
         "nvsprior decoder",
         "Codec/Decoder/Video",
         "Draws the prior at a packet's pose and adds the packet's difference picture",
-        sink: caps::any(caps::PACKET),
-        src: caps::pictures(&FORMATS.map(|(format, _)| format), nvsprior::Camera::MAX_SIDE)
+        [("sink", Sink, Always, caps::any(caps::PACKET)), ("src", Src, Always, showing::caps()),]
     );
 }
 
@@ -371,16 +264,7 @@ impl VideoDecoderImpl for Decoder {
         let prior = lock(&self.prior).clone();
         let held = HeldPrior::open(&prior)?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
-        let mut decoder = nvsprior::Decoder::new(&held.engine, &held.scene);
-        if let Some(camera) = &lock(&self.settings).camera {
-            let wrong = |error: &dyn std::fmt::Display| {
-                gst::error_msg!(gst::LibraryError::Settings, ("{error}"))
-            };
-            let camera = property::sized_camera(camera).map_err(|error| wrong(&error))?;
-            decoder.add_camera(&camera).map_err(|error| wrong(&error))?;
-        }
-        let filtered = decoder.set_filter(lock(&self.settings).filter);
-        filtered.map_err(|error| gst::error_msg!(gst::LibraryError::Init, ("filter: {error}")))?;
+        let decoder = lock(&self.showing).decoder(&held)?;
         *lock(&self.counts) = Counts::default();
         let (held, decoder) = (Some(held), Some(decoder));
         *lock(&self.state) = State { held, decoder, ..State::default() };
@@ -471,6 +355,3 @@ impl VideoDecoderImpl for Decoder {
         }
     }
 }
-
-// Sizes that packets can state are sizes that images can have.
-const _: () = assert!(nvsprior::Camera::MAX_SIDE <= ImageView::MAX_SIDE);

@@ -1,5 +1,0 @@
-//! `nvsppay`: packets to shares.
-
-mod element;
-
-crate::element::class!("nvsppay", Payloader extends gst::Element, gst::Object);
