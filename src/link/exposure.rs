@@ -48,7 +48,7 @@ pub fn stamp(seconds: f64) -> u16 {
 /// A time as it travels; `None`: the vehicle knows none.
 pub fn written(time: Option<(f64, ClockSource)>, limit: AgeLimit) -> [u8; EXPOSURE_LEN] {
     let word = match time {
-        Some((seconds, ClockSource::Reports)) => stamp(seconds) / CUT | STEPS,
+        Some((seconds, ClockSource::Reports)) => (stamp(seconds) / CUT) | STEPS,
         // The last step of a period is told as the one before.
         Some((seconds, ClockSource::Vehicle)) => (stamp(seconds) / CUT).min(NO_TIME - 1),
         None => NO_TIME,
@@ -81,10 +81,16 @@ fn word(user: &[u8]) -> Option<u16> {
 }
 
 /// The topside's clock, as the vehicle knows it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct TopsideClock {
     /// Of the last reports: topside's time less vehicle's, modulo [`PERIOD`].
     differences: VecDeque<f64>,
+}
+
+impl Default for TopsideClock {
+    fn default() -> TopsideClock {
+        TopsideClock { differences: VecDeque::with_capacity(REPORTS + 1) }
+    }
 }
 
 impl TopsideClock {

@@ -6,8 +6,8 @@
 //!
 //! # Give, then drain
 //!
-//! Every call has the time `now`: seconds on a clock of the caller's, which each side may have its own of. If a clock is
-//! set back, work goes on. *Give* an end what there is: a camera frame ([`Vehicle::frame`]), what the modem received
+//! Every call has the time `now`: seconds on a clock of the caller's, which each side may have its own of. If a clock
+//! is set back, work goes on. *Give* an end what there is: a camera frame ([`Vehicle::frame`]), what the modem received
 //! ([`VehicleLink::receive`], [`Topside::receive`]). Then *drain* it, each until there is no more:
 //!
 //! | | vehicle | topside |
@@ -25,8 +25,10 @@
 //!
 //! ```no_run
 //! # fn main() -> Result<(), nvsprior::link::LinkError> {
-//! # let (engine, scene, camera): (nvsprior::Engine, std::sync::Arc<nvsprior::render::Scene>, nvsprior::Camera) = todo!();
-//! # let (seconds, camera_frame, modem_received, modem_send): (fn() -> f64, fn() -> Option<nvsprior::Picture>, fn() -> Option<Vec<u8>>, fn(&[u8])) = todo!();
+//! # type Scene = std::sync::Arc<nvsprior::render::Scene>;
+//! # let (engine, scene, camera): (nvsprior::Engine, Scene, nvsprior::Camera) = todo!();
+//! # let (seconds, camera_frame): (fn() -> f64, fn() -> Option<nvsprior::Picture>) = todo!();
+//! # let (modem_received, modem_send): (fn() -> Option<Vec<u8>>, fn(&[u8])) = todo!();
 //! use nvsprior::link::{CameraFrame, Vehicle, VehicleOptions};
 //! let options = VehicleOptions::new(64, 5_000.0, 15.0);
 //! let mut vehicle = Vehicle::new(&engine, &scene, &camera, Default::default(), &options)?;
@@ -79,6 +81,13 @@ pub use topside::{Recalled, Topside};
 pub use topside_link::{DuePacket, TopsideLink, Worth};
 pub use vehicle::{CameraFrame, Vehicle};
 pub use vehicle_link::{PlannedFrame, VehicleLink};
+
+// The C library decodes on a thread of its own.
+#[cfg(feature = "capi")]
+pub(crate) use {
+    playout::number_of,
+    screen::{Done, Screen, Work},
+};
 
 #[cfg(test)]
 mod tests;

@@ -249,8 +249,8 @@ pub struct TopsideOptions {
     pub max_shares: Option<usize>,
     /// Packets that are held, 1 to 64.
     pub packets: usize,
-    /// Seconds after which a packet is stale. Less than 128 of the camera's frames take. `None`: 4; in order 2 more than
-    /// the latency, and no more than 60 frames take.
+    /// Seconds after which a packet is stale. Less than 128 of the camera's frames take. `None`: 4; in order 2 more
+    /// than the latency, and no more than 60 frames take.
     pub age: Option<f64>,
     /// The modem hands over no damaged frames.
     pub modem_checks: bool,
@@ -306,6 +306,11 @@ impl TopsideOptions {
             {
                 return Err(LinkError::option("playout.frame_rate", rate, "positive and finite"));
             }
+        }
+        if let Some(age) = self.age
+            && !(age > 0.0 && age.is_finite())
+        {
+            return Err(LinkError::option("age", age, "positive and finite"));
         }
         if self.stream >= crate::modem::STREAMS {
             return Err(ModemError::Stream(self.stream).into());

@@ -1,6 +1,6 @@
 //! Both ends over a link that loses, delays, swaps and repeats, with restarts, clocks that jump, and changes of MTU and
-//! keys. A stub stands in place of the device: its packets are real ones, and its pictures tell of which frame they are.
-//! `make link-soak` runs many dives.
+//! keys. A stub stands in place of the device: its packets are real ones, and its pictures tell of which frame they
+//! are. `make link-soak` runs many dives.
 
 use std::collections::{BTreeMap, VecDeque};
 

@@ -201,8 +201,8 @@ impl<D: LinkDecoder> Topside<D> {
         self.decoder.camera().or(self.link.camera())
     }
 
-    /// The end without its decoder: what is due next, region, user bytes, events, state, statistics. What the modem received goes to
-    /// [`Topside::receive`].
+    /// The end without its decoder: what is due next, region, user bytes, events, state, statistics. What the modem
+    /// received goes to [`Topside::receive`].
     pub fn link(&mut self) -> &mut TopsideLink {
         &mut self.link
     }
