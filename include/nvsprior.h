@@ -49,7 +49,8 @@
  *   or written only during the call. Texts that a call returns are static.
  * Parameters. One line per parameter says what it is, its unit, and what NULL means. If it says nothing of NULL, NULL
  *   yields NVSP_ERR_ARGUMENT. Any other pointer must be what its line says: the library cannot check it. Bytes are
- *   as many as the next parameter says. A handle has no line: it must be a live one, and not NULL.
+ *   as many as the next parameter says. A handle has no line: it must be a live one, and not NULL. Nor has `now`, the
+ *   time of the call, which must be finite.
  * Threads. Any number of threads may use an engine, a prior or a DMA-BUF at once. One thread at a time may use an
  *   encoder, a decoder, a vehicle or a topside: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a
  *   handle while it is destroyed, or afterwards.
@@ -1609,8 +1610,8 @@ typedef struct nvsp_event {
   uint8_t data[NVSP_MAX_DATA];
 } nvsp_event;
 
-// For the flags of both ends' options: times of calls are UTC in seconds. A picture's age is then known before a report
-// came, if the clocks are right. Without it times are on any clock of that side.
+// For the flags of both ends' options: times of calls are UTC in seconds. A picture's age is then known before a
+// report came, if the clocks are right. Without it times are on any clock of that side.
 #define NVSP_LINK_UTC 1
 // There are no reports: the link has no way back. Give both ends the same.
 #define NVSP_LINK_NO_REPORTS 2
@@ -1652,8 +1653,8 @@ typedef struct nvsp_vehicle_options {
   double latency;
   // What of it is no transmission: search, coding, propagation; seconds. 0: 0.3. NVSP_NONE: none.
   double delay;
-  // Seconds from a packet's first modem frame to its last one. Those of other packets lie between them, so a burst of
-  // losses takes few of each. 0: a quarter of what the delay leaves. NVSP_NONE: they follow each other.
+  // Seconds from a packet's first modem frame to its last one. Those of other packets lie between them, so a burst
+  // of losses takes few of each. 0: a quarter of what the delay leaves. NVSP_NONE: they follow each other.
   double spread;
   // Chance that a modem frame is lost, below 1; reports tell how it is. 0: 0.1. NVSP_NONE: none is lost.
   double loss;
@@ -1705,8 +1706,8 @@ NVSP_CHECKED
 nvsp_status nvsp_vehicle_memory(const struct nvsp_vehicle_options *options, uint64_t *bytes);
 
 // Gives the vehicle's encoder, for its lens, mask, camera, reset and key frames (nvsp_encoder_prepare), and its
-// pictures. It is the vehicle's: frames and rates come by the vehicle alone, and nvsp_destroy on it does nothing. NULL:
-// there is none, or the vehicle is in use.
+// pictures. It is the vehicle's: frames and rates come by the vehicle alone, and nvsp_destroy on it does nothing.
+// NULL: there is none, or the vehicle is in use.
 struct nvsp_encoder *nvsp_vehicle_encoder(struct nvsp_vehicle *vehicle);
 
 // Counts a camera frame, and begins to code it on the encoder's own thread, as nvsp_encode_begin does. Give all frames
@@ -1714,7 +1715,6 @@ struct nvsp_encoder *nvsp_vehicle_encoder(struct nvsp_vehicle *vehicle);
 // NVSP_EVENT_FRAME tells what came of it; nvsp_vehicle_transmit sends it.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED or NVSP_ERR_MEMORY (no thread), and with
 // NVSP_ERR_STATE if there is no encoder.
-// - `now`: seconds.
 // - `image`: the frame.
 // - `info`: what is known of the frame. Its `time` is the exposure, seconds on the clock of `now`; it has no
 //   `left_out`. NULL: nothing is known, and it was exposed now.
@@ -1731,8 +1731,7 @@ nvsp_status nvsp_vehicle_frame(struct nvsp_vehicle *vehicle,
 // Counts a camera frame that you encode yourself, and tells how: with NVSP_RATE_STEADY and as many bytes. Returns
 // NVSP_PENDING if it is left out, as the link has no bytes for it, and writes nothing then. With
 // NVSP_LINK_AS_THEY_COME no frame needs a plan.
-// Fails with NVSP_ERR_ARGUMENT (a time), or NVSP_ERR_STATE (the vehicle has an encoder).
-// - `now`: seconds.
+// Fails with NVSP_ERR_STATE (the vehicle has an encoder).
 // - `exposed`: when it was exposed, seconds.
 // - `number`: receives its number: nvsp_frame_info.left_out makes it the encoder's. NULL: not wanted.
 // - `bytes`: receives the bytes.
@@ -1764,9 +1763,8 @@ nvsp_status nvsp_vehicle_packet(struct nvsp_vehicle *vehicle,
 
 // Takes what the modem received. Of a report the vehicle learns what the topside holds, which modem frames to send
 // again, and what the link loses.
-// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_PACKET, NVSP_ERR_STATE, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED
+// Fails with NVSP_ERR_PACKET, NVSP_ERR_STATE, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED
 // if it is no report for this vehicle: that is no failure of the link.
-// - `now`: seconds.
 // - `bytes`: what was received.
 // - `size`: how many bytes.
 NVSP_CHECKED
@@ -1774,8 +1772,6 @@ nvsp_status nvsp_vehicle_receive(struct nvsp_vehicle *vehicle, double now, const
 
 // Takes what the encoder has finished, then writes the next modem frame that is due. Call it when the modem is free,
 // or with NVSP_LINK_PULL when it asks. Returns NVSP_PENDING if none is due, or none of so few bytes waits.
-// Fails with NVSP_ERR_ARGUMENT (the time).
-// - `now`: seconds.
 // - `most`: bytes of `bytes`: the MTU, or what the modem has room for.
 // - `bytes`: receives the modem frame.
 // - `written`: receives its length, bytes.
@@ -1795,15 +1791,12 @@ NVSP_CHECKED
 nvsp_status nvsp_vehicle_event(struct nvsp_vehicle *vehicle, struct nvsp_event *event);
 
 // Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer.
-// Fails with NVSP_ERR_ARGUMENT (the time).
-// - `now`: seconds.
 // - `bytes`: their number, with what they cost beside themselves.
 NVSP_CHECKED
 nvsp_status nvsp_vehicle_count(struct nvsp_vehicle *vehicle, double now, uint32_t bytes);
 
 // Sets what the link is like from `now` on. Reports tell the loss by themselves.
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the vehicle goes by no bit rate. Nothing changes then.
-// - `now`: seconds.
 // - `bit_rate`: bit/s. Negative: it stays.
 // - `loss`: chance that a modem frame is lost, below 1; here 0 means that none is. Negative: it stays.
 // - `burst`: mean number of modem frames that are lost in a row, 1 or more. Negative: it stays.
@@ -1831,8 +1824,8 @@ typedef struct nvsp_topside_options {
   double age;
   // Seconds between two reports. 0: 1.
   double report_every;
-  // Modem frames of a packet that there is room for, up to 2048. Of a longer unprotected packet the start is kept. 0:
-  // as many as 65536 bytes take, 16 or more.
+  // Modem frames of a packet that there is room for, up to 2048. Of a longer unprotected packet the start is kept.
+  // 0: as many as 65536 bytes take, 16 or more.
   uint32_t max_shares;
   // Packets that are held, up to 64; below an MTU of 16 up to 4. 0: 64.
   uint32_t packets;
@@ -1840,8 +1833,8 @@ typedef struct nvsp_topside_options {
   uint32_t stream;
   // Bytes of `state`.
   uint32_t state_size;
-  // Only modem frames that a vehicle has made with one of these keys are taken, and none a second time. Reports get a
-  // tag by the first. Read during the call. NULL: none, and whatever comes is taken.
+  // Only modem frames that a vehicle has made with one of these keys are taken, and none a second time. Reports get
+  // a tag by the first. Read during the call. NULL: none, and whatever comes is taken.
   const struct nvsp_keys *keys;
   // What this end had you store last (NVSP_EVENT_STORE), before it started again. Read during the call. NULL: it
   // begins anew.
@@ -1876,10 +1869,9 @@ struct nvsp_decoder *nvsp_topside_decoder(struct nvsp_topside *topside);
 
 // Takes what the modem received. Modem frames may come in any order, repeated, padded or damaged, and mixed with
 // others.
-// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_PACKET or NVSP_ERR_NEWER if it is none of the vehicle's,
+// Fails with NVSP_ERR_PACKET or NVSP_ERR_NEWER if it is none of the vehicle's,
 // damaged, too late, of another stream, or of more than there is room for; with keys NVSP_ERR_FOREIGN or
 // NVSP_ERR_REPLAYED. That is no failure of the link, and what came before is not lost.
-// - `now`: seconds.
 // - `bytes`: what was received.
 // - `size`: how many bytes.
 NVSP_CHECKED
@@ -1890,7 +1882,6 @@ nvsp_status nvsp_topside_receive(struct nvsp_topside *topside, double now, const
 // NVSP_EVENT_REFUSED tells.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL (the picture is kept), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
 // NVSP_ERR_DEVICE_LOST, and with NVSP_ERR_STATE if there is no decoder.
-// - `now`: seconds.
 // - `picture`: receives the picture. Its pixels are yours.
 // - `shown`: receives what is known of it. NULL: not wanted.
 NVSP_CHECKED
@@ -1903,7 +1894,6 @@ nvsp_status nvsp_topside_picture(struct nvsp_topside *topside,
 // NVSP_DECODE_START. Returns NVSP_PENDING if there is none now.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL (the packet is kept until newer ones take its place), or
 // NVSP_ERR_STATE (the topside has a decoder).
-// - `now`: seconds.
 // - `packet`: receives the packet.
 // - `size`: bytes of `packet`; nvsp_topside_options.max_shares times the MTU always suffices.
 // - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
@@ -1918,8 +1908,7 @@ nvsp_status nvsp_topside_packet(struct nvsp_topside *topside,
 
 // Writes the report that is due, as a modem frame for the way back. Returns NVSP_PENDING if none is; while a packet is
 // decoded it waits for that. Reports are made only while the vehicle is heard.
-// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_BUFFER_TOO_SMALL: the MTU is needed.
-// - `now`: seconds.
+// Fails with NVSP_ERR_BUFFER_TOO_SMALL: the MTU is needed.
 // - `report`: receives the report.
 // - `size`: bytes of `report`.
 // - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.

@@ -127,25 +127,15 @@ typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignmen
 // Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
 typedef void (*nvsp_release_callback)(void *user, void *block, size_t size, size_t alignment);
 
-// Where the library takes host memory from.
-typedef struct nvsp_allocator {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
-  nvsp_allocate_callback allocate;
-  // Takes it back.
-  nvsp_release_callback release;
-  // Passed to both as it is. What it points to must stay as long as the library is loaded.
-  void *user;
-} nvsp_allocator;
-
 // Sets the functions that the library takes host memory from, for the whole process. Call it before all other
 // functions. You may call it again once all handles are destroyed. The Vulkan loader and driver take theirs as they
 // do, and threads their stacks.
 // Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
-// - `allocator`: the functions.
+// - `allocate`: gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+// - `release`: takes it back.
+// - `user`: passed to both as it is. What it points to must stay as long as the library is loaded.
 NVSP_CHECKED
-nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator);
+nvsp_status nvsp_set_allocator(nvsp_allocate_callback allocate, nvsp_release_callback release, void *user);
 
 // ---- The devices there are ----
 

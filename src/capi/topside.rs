@@ -65,8 +65,8 @@ pub struct nvsp_topside_options {
     pub age: f64,
     /// Seconds between two reports. 0: 1.
     pub report_every: f64,
-    /// Modem frames of a packet that there is room for, up to 2048. Of a longer unprotected packet the start is kept. 0:
-    /// as many as 65536 bytes take, 16 or more.
+    /// Modem frames of a packet that there is room for, up to 2048. Of a longer unprotected packet the start is kept.
+    /// 0: as many as 65536 bytes take, 16 or more.
     pub max_shares: u32,
     /// Packets that are held, up to 64; below an MTU of 16 up to 4. 0: 64.
     pub packets: u32,
@@ -74,8 +74,8 @@ pub struct nvsp_topside_options {
     pub stream: u32,
     /// Bytes of `state`.
     pub state_size: u32,
-    /// Only modem frames that a vehicle has made with one of these keys are taken, and none a second time. Reports get a
-    /// tag by the first. Read during the call. NULL: none, and whatever comes is taken.
+    /// Only modem frames that a vehicle has made with one of these keys are taken, and none a second time. Reports get
+    /// a tag by the first. Read during the call. NULL: none, and whatever comes is taken.
     pub keys: In<nvsp_keys>,
     /// What this end had you store last (NVSP_EVENT_STORE), before it started again. Read during the call. NULL: it
     /// begins anew.
@@ -391,12 +391,11 @@ pub extern "C" fn nvsp_topside_decoder(topside: Option<&nvsp_topside>) -> *mut n
 /// Takes what the modem received. Modem frames may come in any order, repeated, padded or damaged, and mixed with
 /// others.
 ///
-/// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_PACKET or NVSP_ERR_NEWER if it is none of the vehicle's,
+/// Fails with NVSP_ERR_PACKET or NVSP_ERR_NEWER if it is none of the vehicle's,
 /// damaged, too late, of another stream, or of more than there is room for; with keys NVSP_ERR_FOREIGN or
 /// NVSP_ERR_REPLAYED. That is no failure of the link, and what came before is not lost.
 ///
 /// # Safety
-/// - `now`: seconds.
 /// - `bytes`: what was received.
 /// - `size`: how many bytes.
 #[unsafe(no_mangle)]
@@ -427,7 +426,6 @@ pub unsafe extern "C" fn nvsp_topside_receive(
 /// NVSP_ERR_DEVICE_LOST, and with NVSP_ERR_STATE if there is no decoder.
 ///
 /// # Parameters
-/// - `now`: seconds.
 /// - `picture`: receives the picture. Its pixels are yours.
 /// - `shown`: receives what is known of it. NULL: not wanted.
 #[unsafe(no_mangle)]
@@ -488,7 +486,6 @@ fn shown_of(shown: &Shown, decoded: &Decoded) -> nvsp_decoded {
 /// NVSP_ERR_STATE (the topside has a decoder).
 ///
 /// # Safety
-/// - `now`: seconds.
 /// - `packet`: receives the packet.
 /// - `size`: bytes of `packet`; nvsp_topside_options.max_shares times the MTU always suffices.
 /// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
@@ -544,10 +541,9 @@ fn packet_of(due: &DuePacket, packet: &CollectedPacket, link: &TopsideLink) -> n
 /// Writes the report that is due, as a modem frame for the way back. Returns NVSP_PENDING if none is; while a packet is
 /// decoded it waits for that. Reports are made only while the vehicle is heard.
 ///
-/// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_BUFFER_TOO_SMALL: the MTU is needed.
+/// Fails with NVSP_ERR_BUFFER_TOO_SMALL: the MTU is needed.
 ///
 /// # Safety
-/// - `now`: seconds.
 /// - `report`: receives the report.
 /// - `size`: bytes of `report`.
 /// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.

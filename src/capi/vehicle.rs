@@ -37,8 +37,8 @@ use super::structs::{In, Out, Place, number, versioned};
 /// ```
 pub type nvsp_vehicle = Handle<VehicleEnd>;
 
-/// For the flags of both ends' options: times of calls are UTC in seconds. A picture's age is then known before a report
-/// came, if the clocks are right. Without it times are on any clock of that side.
+/// For the flags of both ends' options: times of calls are UTC in seconds. A picture's age is then known before a
+/// report came, if the clocks are right. Without it times are on any clock of that side.
 pub const NVSP_LINK_UTC: u32 = 1;
 /// There are no reports: the link has no way back. Give both ends the same.
 pub const NVSP_LINK_NO_REPORTS: u32 = 2;
@@ -82,8 +82,8 @@ pub struct nvsp_vehicle_options {
     pub latency: f64,
     /// What of it is no transmission: search, coding, propagation; seconds. 0: 0.3. NVSP_NONE: none.
     pub delay: f64,
-    /// Seconds from a packet's first modem frame to its last one. Those of other packets lie between them, so a burst of
-    /// losses takes few of each. 0: a quarter of what the delay leaves. NVSP_NONE: they follow each other.
+    /// Seconds from a packet's first modem frame to its last one. Those of other packets lie between them, so a burst
+    /// of losses takes few of each. 0: a quarter of what the delay leaves. NVSP_NONE: they follow each other.
     pub spread: f64,
     /// Chance that a modem frame is lost, below 1; reports tell how it is. 0: 0.1. NVSP_NONE: none is lost.
     pub loss: f64,
@@ -439,8 +439,8 @@ pub extern "C" fn nvsp_vehicle_memory(
 }
 
 /// Gives the vehicle's encoder, for its lens, mask, camera, reset and key frames (nvsp_encoder_prepare), and its
-/// pictures. It is the vehicle's: frames and rates come by the vehicle alone, and nvsp_destroy on it does nothing. NULL:
-/// there is none, or the vehicle is in use.
+/// pictures. It is the vehicle's: frames and rates come by the vehicle alone, and nvsp_destroy on it does nothing.
+/// NULL: there is none, or the vehicle is in use.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_vehicle_encoder(vehicle: Option<&nvsp_vehicle>) -> *mut nvsp_encoder {
     let mut found = null_mut();
@@ -461,7 +461,6 @@ pub extern "C" fn nvsp_vehicle_encoder(vehicle: Option<&nvsp_vehicle>) -> *mut n
 /// NVSP_ERR_STATE if there is no encoder.
 ///
 /// # Safety
-/// - `now`: seconds.
 /// - `image`: the frame.
 /// - `info`: what is known of the frame. Its `time` is the exposure, seconds on the clock of `now`; it has no
 ///   `left_out`. NULL: nothing is known, and it was exposed now.
@@ -520,10 +519,9 @@ pub unsafe extern "C" fn nvsp_vehicle_frame(
 /// NVSP_PENDING if it is left out, as the link has no bytes for it, and writes nothing then. With
 /// NVSP_LINK_AS_THEY_COME no frame needs a plan.
 ///
-/// Fails with NVSP_ERR_ARGUMENT (a time), or NVSP_ERR_STATE (the vehicle has an encoder).
+/// Fails with NVSP_ERR_STATE (the vehicle has an encoder).
 ///
 /// # Parameters
-/// - `now`: seconds.
 /// - `exposed`: when it was exposed, seconds.
 /// - `number`: receives its number: nvsp_frame_info.left_out makes it the encoder's. NULL: not wanted.
 /// - `bytes`: receives the bytes.
@@ -583,11 +581,10 @@ pub unsafe extern "C" fn nvsp_vehicle_packet(
 /// Takes what the modem received. Of a report the vehicle learns what the topside holds, which modem frames to send
 /// again, and what the link loses.
 ///
-/// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_PACKET, NVSP_ERR_STATE, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED
+/// Fails with NVSP_ERR_PACKET, NVSP_ERR_STATE, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED
 /// if it is no report for this vehicle: that is no failure of the link.
 ///
 /// # Safety
-/// - `now`: seconds.
 /// - `bytes`: what was received.
 /// - `size`: how many bytes.
 #[unsafe(no_mangle)]
@@ -607,10 +604,7 @@ pub unsafe extern "C" fn nvsp_vehicle_receive(
 /// Takes what the encoder has finished, then writes the next modem frame that is due. Call it when the modem is free,
 /// or with NVSP_LINK_PULL when it asks. Returns NVSP_PENDING if none is due, or none of so few bytes waits.
 ///
-/// Fails with NVSP_ERR_ARGUMENT (the time).
-///
 /// # Safety
-/// - `now`: seconds.
 /// - `most`: bytes of `bytes`: the MTU, or what the modem has room for.
 /// - `bytes`: receives the modem frame.
 /// - `written`: receives its length, bytes.
@@ -668,10 +662,7 @@ pub extern "C" fn nvsp_vehicle_event(
 
 /// Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer.
 ///
-/// Fails with NVSP_ERR_ARGUMENT (the time).
-///
 /// # Parameters
-/// - `now`: seconds.
 /// - `bytes`: their number, with what they cost beside themselves.
 #[unsafe(no_mangle)]
 pub extern "C" fn nvsp_vehicle_count(
@@ -690,7 +681,6 @@ pub extern "C" fn nvsp_vehicle_count(
 /// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the vehicle goes by no bit rate. Nothing changes then.
 ///
 /// # Parameters
-/// - `now`: seconds.
 /// - `bit_rate`: bit/s. Negative: it stays.
 /// - `loss`: chance that a modem frame is lost, below 1; here 0 means that none is. Negative: it stays.
 /// - `burst`: mean number of modem frames that are lost in a row, 1 or more. Negative: it stays.

@@ -70,7 +70,7 @@ static void encoders(void) {
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode(encoder, &image, with_hint(pose), NULL, 0, &written, &stats));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode(encoder, &image, with_hint(pose), bytes, size, NULL, &stats));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_encode_begin(NULL, &image, with_hint(pose)));
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(NULL));
+    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(NULL, NULL, NULL));
     nvsp_dmabuf *dmabuf = NULL;
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_dmabuf_import(NULL, 0, 0, &dmabuf));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_dmabuf_import(both.engine, 0, 0, NULL));

@@ -504,21 +504,16 @@ static void release(void *user, void *block, size_t size, size_t alignment) {
 
 // All host memory of the library comes from the caller's functions and goes back to them.
 static void allocators(void) {
-    nvsp_allocator own = NVSP_INITIALIZER(nvsp_allocator);
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(NULL));
-    own.allocate = allocate;
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(&own));
-    own.release = release;
-    own.user = &dive;
-    EXPECT(NVSP_OK, nvsp_set_allocator(&own));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(NULL, release, NULL));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(allocate, NULL, NULL));
+    EXPECT(NVSP_OK, nvsp_set_allocator(allocate, release, &dive));
     rig held;
     rig_open(&held, &dive);
     CHECK(taken > 100 && blocks > 10);
-    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(&own));
+    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(allocate, release, &dive));
     rig_close(&held);
     CHECK(blocks == 0);
-    const nvsp_allocator none = NVSP_INITIALIZER(nvsp_allocator);
-    EXPECT(NVSP_OK, nvsp_set_allocator(&none));
+    EXPECT(NVSP_OK, nvsp_set_allocator(NULL, NULL, NULL));
     const long before = taken;
     rig_open(&held, &dive);
     rig_close(&held);
