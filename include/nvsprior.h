@@ -2,11 +2,19 @@
  *
  * A vehicle and its topside hold the same trained scene, the prior. For each camera frame an encoder finds the pose at
  * which the prior looks most like the frame. It packs the pose with a coded difference picture. A decoder renders the
- * prior at the pose and adds the difference. Packets travel in modem frames: a sender makes them, with protection
- * against losses or without, and a collector puts packets together.
+ * prior at the pose and adds the difference.
  *
- * The usual case takes these functions, in this order. The first part of this header has them, with all structures that
- * they take. Leave a field at zero if you do not need it.
+ * Who has a link needs two handles. Leave a field at zero if you do not need it.
+ *
+ *   nvsp_vehicle          frames in (nvsp_vehicle_frame), modem frames out (nvsp_vehicle_transmit), reports in.
+ *   nvsp_topside          modem frames in (nvsp_topside_receive), pictures and reports out (nvsp_topside_picture,
+ *                         nvsp_topside_report).
+ *
+ * Each makes and owns its encoder or decoder. What is lost, late, twice, damaged or a stranger's is their matter. Both
+ * need an engine and a prior, as follows; without them they take and give packets.
+ *
+ * Who encodes and decodes alone takes these functions, in this order. The first part of this header has them, with all
+ * structures that they take.
  *
  *   nvsp_engine_create    opens a Vulkan device. nvsp_engine_options.log receives the text of every failure.
  *   nvsp_prior_open       reads the scene, and copies it to the device.
@@ -19,18 +27,19 @@
  * The next part has a status in words (nvsp_status_text) and what any handle takes: the details of a failure
  * (nvsp_last_error), waiting and cancelling. The other parts are for those who need them: versions, frames that are
  * coded beside your own work, lens and mask, how far a picture is from what the camera saw (nvsp_decoder_get_truth),
- * and both ends of a link (sender, collector). Keys against strangers are an option: nvsp_keys.
+ * and both ends of a link. Keys against strangers are an option: nvsp_keys.
  * nvsprior_extra.h has what few need: a Vulkan device of yours, DMA-BUFs, an allocator, a list of devices, counts of
  * the link.
  *
  * The contract of every function:
  *
  * Status. A call that can fail returns an nvsp_status: NVSP_OK (0), NVSP_PENDING, or an error below zero.
- *   nvsp_status_text says it in words; nvsp_last_error on the handle tells the details. A call that fails writes
- *   nothing through any pointer and loses nothing that was good. There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL
- *   tells the size needed, and NVSP_ERR_NEWER the version. You may go on to use the handle, except after
- *   NVSP_ERR_INTERNAL, and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The firmware build has no NVSP_ERR_INTERNAL:
- *   there a fault of the library itself aborts the process, and a watchdog must start it again.
+ *   nvsp_status_text says it in words; nvsp_last_error on the handle tells the details, and without a handle those of
+ *   this thread's last failure. A call that fails writes nothing through any pointer and loses nothing that was good.
+ *   There are two exceptions: NVSP_ERR_BUFFER_TOO_SMALL tells the size needed, and NVSP_ERR_NEWER the version. You may
+ *   go on to use the handle, except after NVSP_ERR_INTERNAL, and NVSP_ERR_DEVICE_LOST (see nvsp_engine_reopen). The
+ *   firmware build has no NVSP_ERR_INTERNAL: there a fault of the library itself aborts the process, and a watchdog
+ *   must start it again.
  * Failures. The comment of a function names the statuses that are its own. Besides, a call may fail with
  *   NVSP_ERR_ARGUMENT (see Parameters), NVSP_ERR_STRUCTURE (see Structures), NVSP_ERR_INTERNAL (see Status), on a
  *   handle for one thread at a time with NVSP_ERR_BUSY (see Threads), and with NVSP_ERR_UNFINISHED until what was begun
@@ -40,15 +49,16 @@
  *   or written only during the call. Texts that a call returns are static.
  * Parameters. One line per parameter says what it is, its unit, and what NULL means. If it says nothing of NULL, NULL
  *   yields NVSP_ERR_ARGUMENT. Any other pointer must be what its line says: the library cannot check it. Bytes are
- *   as many as the next parameter says. A handle has no line: it must be a live one, and not NULL.
+ *   as many as the next parameter says. A handle has no line: it must be a live one, and not NULL. Nor has `now`, the
+ *   time of the call, which must be finite.
  * Threads. Any number of threads may use an engine, a prior or a DMA-BUF at once. One thread at a time may use an
- *   encoder, a decoder, a sender or a collector: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a
+ *   encoder, a decoder, a vehicle or a topside: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a
  *   handle while it is destroyed, or afterwards.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except
  *   nvsp_prior_open) or a network.
- * Memory. A call allocates only if its comment says so. Encoding, decoding, sending and collecting allocate nothing on
+ * Memory. A call allocates only if its comment says so. Encoding, decoding and both ends of a link allocate nothing on
  *   the host once they have run a first time. A call that allocates first sets aside as much as it may need at most. If
  *   the system does not have it, the call fails with NVSP_ERR_MEMORY, and nothing has changed. The library itself never
  *   ends the process for want of memory, wherever that comes from (nvsp_set_allocator). A Vulkan driver may: Mesa's
@@ -58,6 +68,7 @@
  *   only append fields. Flags that are unknown, and reserved fields that are not zero, are refused.
  * Compilers. With GCC and Clang a status that is not looked at gives a warning. Define NVSP_NO_ATTRIBUTES before you
  *   include this header to switch that off.
+ * Times of a link are seconds on any clock of that side. It may be set back: work goes on.
  * Units. Angles in radians, pixels from the upper left corner, lengths in the prior's own unit, PSNR
  *   in dB against 255.
  * Signals and forks. The library installs no signal handlers. Its threads block all signals, except those of their own
@@ -126,6 +137,26 @@ struct nvsp_dmabuf;
 struct nvsp_vulkan;
 
 // ---- The usual case ----
+
+// The vehicle's end of a link: camera frames in, modem frames out, and reports of the topside in. It has an encoder,
+// protection against losses, keys, and the order of it all; it has no thread but the encoder's, no socket, no file and
+// no clock. No call waits. Example, which a control loop turns as often as it likes:
+//
+//     if (camera_has(&image)) status = nvsp_vehicle_frame(vehicle, now(), &image, NULL, NULL, 0);
+//     if (modem_received(bytes, &size)) status = nvsp_vehicle_receive(vehicle, now(), bytes, size);
+//     while (modem_is_free() && nvsp_vehicle_transmit(vehicle, now(), 64, bytes, &size, NULL) == NVSP_OK)
+//         modem_send(bytes, size);
+//     while (nvsp_vehicle_event(vehicle, &event) == NVSP_OK) heed(&event);
+typedef struct nvsp_vehicle nvsp_vehicle;
+
+// The topside's end of a link: modem frames in, pictures and reports out. It has a decoder, the order of pictures and
+// their age, and keys; it has no thread but the decoder's, no socket, no file and no clock. No call waits. Example:
+//
+//     while (modem_received(bytes, &size)) status = nvsp_topside_receive(topside, now(), bytes, size);
+//     if (nvsp_topside_picture(topside, now(), &picture, &shown) == NVSP_OK) show(&picture, &shown);
+//     if (nvsp_topside_report(topside, now(), bytes, 64, &size, NULL) == NVSP_OK) modem_send(bytes, size);
+//     while (nvsp_topside_event(topside, &event) == NVSP_OK) heed(&event);
+typedef struct nvsp_topside nvsp_topside;
 
 // What a call came to: `NVSP_OK`, `NVSP_PENDING`, or an error below zero.
 typedef int32_t nvsp_status;
@@ -329,8 +360,8 @@ typedef struct nvsp_camera {
 #define NVSP_KEY_BYTES 32
 
 // Keys that both sides hold. What goes to the other side gets 2 bytes of number and a tag in front. What comes without
-// the right tag, or a second time, is refused before anything else of it is read. If an nvsp_sender divides the
-// packets, give the keys to it and to the nvsp_collector, else to encoder and decoder. Example:
+// the right tag, or a second time, is refused before anything else of it is read. On a link give the keys to
+// nvsp_vehicle and nvsp_topside, else to encoder and decoder. Example:
 //
 //     nvsp_keys keys = NVSP_INITIALIZER(nvsp_keys);
 //     keys.keys = key; // 32 random bytes
@@ -349,14 +380,14 @@ typedef struct nvsp_keys {
   uint32_t tag_bytes;
   // Both sides need the same, and nothing of another epoch passes: count the dives, for example.
   uint64_t epoch;
-  // Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
-  // with `next_number` of nvsp_frame_stats, nvsp_sender_statistics or nvsp_collector_statistics: numbers that the
-  // other side has taken are refused. Two encoders need other keys, or other epochs.
+  // Number of the first thing that this side sends, below 2^48. An encoder that starts again within an epoch goes on
+  // with nvsp_frame_stats.next_number: numbers that the other side has taken are refused. Two encoders need other
+  // keys, or other epochs. The state of a vehicle or a topside knows it.
   uint64_t number;
-  // Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
-  // epoch gives what `taken` of nvsp_collector_statistics or nvsp_sender_statistics told, or in the first place
-  // nvsp_decoded.taken. Without it, what came before may pass once more until something newer has come. 0: none.
-  uint64_t taken[4];
+  // Numbers below this one count as taken, by the first key. A decoder that starts again within an epoch gets what
+  // nvsp_decoded.taken told. Without it, what came before may pass once more until something newer has come. The
+  // state of a vehicle or a topside knows it. 0: none.
+  uint64_t taken;
 } nvsp_keys;
 
 // Quality 10.
@@ -434,7 +465,7 @@ typedef struct nvsp_encoder_options {
   // topside needs not know.
   uint32_t tune;
   // Each packet gets a number and a tag by these keys. They take nvsp_keys.tag_bytes and 2 bytes of it; budgets
-  // count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_sender divides the packets: it gets the
+  // count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_vehicle sends the packets: it gets the
   // keys.
   const struct nvsp_keys *keys;
 } nvsp_encoder_options;
@@ -711,7 +742,7 @@ typedef struct nvsp_picture {
   size_t needed;
 } nvsp_picture;
 
-// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
+// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_topside_packet copies it. If the
 // difference picture is cut short, the decoder shows what arrived, a coarser picture. Without this flag it shows a
 // difference picture only if it is whole and its check matches.
 #define NVSP_DECODE_START 1
@@ -728,6 +759,19 @@ typedef struct nvsp_picture {
 #define NVSP_DECODED_KEPT 32
 // The picture went through the display filter: see nvsp_decoder_set_filter.
 #define NVSP_DECODED_FILTERED 64
+// For nvsp_decoded.flags, of a topside: all of the frame's packet came.
+#define NVSP_DECODED_WHOLE 256
+// The frame did not come: the prior is drawn at a pose between those of frames that did.
+#define NVSP_DECODED_BETWEEN 512
+// It does not follow the one before: the vehicle has begun anew.
+#define NVSP_DECODED_RESTARTED 1024
+
+// For nvsp_decoded.clock: `age` is since the frame's packet began to come. It is older by what the link took.
+#define NVSP_CLOCK_NONE 0
+// The vehicle counts from the reports that it got: `age` is never too small.
+#define NVSP_CLOCK_REPORTS 1
+// The vehicle's own UTC.
+#define NVSP_CLOCK_VEHICLE 2
 
 // What decoding a packet yielded besides the picture.
 typedef struct nvsp_decoded {
@@ -751,8 +795,8 @@ typedef struct nvsp_decoded {
   struct nvsp_pose pose;
   // With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
   uint32_t reference;
-  // Zero.
-  uint32_t reserved;
+  // NVSP_CLOCK_*. This and the fields behind `taken` are a topside's; else they are zero.
+  uint32_t clock;
   // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis of the camera (the
   // prior's unit); else infinite.
   double position_deviation;
@@ -761,6 +805,20 @@ typedef struct nvsp_decoded {
   double rotation_deviation;
   // With keys: the number above all of the packets that came. Else 0. See nvsp_keys.taken.
   uint64_t taken;
+  // In order the frame's time, else when it was fetched; seconds.
+  double time;
+  // How old the frame was at that call, seconds: see `clock`.
+  double age;
+  // From which age on the picture is old, as the vehicle tells, seconds. Say so to who looks at it.
+  double old;
+  // Modem frames of its packet that came.
+  uint32_t arrived;
+  // Modem frames that it was sent in. 0: not known.
+  uint32_t sent;
+  // Bytes of its packet that came.
+  uint32_t bytes;
+  // Zero.
+  uint32_t reserved;
 } nvsp_decoded;
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call
@@ -790,7 +848,8 @@ nvsp_status nvsp_decode(struct nvsp_decoder *decoder,
 
 // Ends a handle of any kind. What was made with it goes on to work: the last such handle frees what they share, and
 // closes the device, unless you gave it. Waits for a frame or a packet that was begun, at most as long as the watchdog
-// allows. Shares that wait in a sender are lost.
+// allows. Modem frames that wait in a vehicle are lost. Encoder and decoder that a vehicle or a topside has handed out
+// end with these: on them the call does nothing.
 // - `handle`: a live handle, which no thread uses. NULL: nothing is done.
 void nvsp_destroy(void *handle);
 
@@ -814,8 +873,8 @@ void nvsp_destroy(void *handle);
 #define NVSP_ERR_BUSY -4
 // There is nothing to finish or to fetch.
 #define NVSP_ERR_STATE -5
-// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many
-// shares wait.
+// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a vehicle: too many
+// modem frames wait.
 #define NVSP_ERR_UNFINISHED -6
 // A fault of the library itself, in this call or an earlier one. Destroy the handle, and report the fault.
 #define NVSP_ERR_INTERNAL -7
@@ -839,9 +898,11 @@ void nvsp_destroy(void *handle);
 #define NVSP_ERR_IMAGE -15
 // The first frame came without a pose to start from, and the prior has no key frames. Give a hint.
 #define NVSP_ERR_NO_START -16
-// The byte budget does not even hold the pose, or a packet's shares do not. Give more bytes, or leave the frame out.
+// The byte budget does not even hold the pose, or a packet's modem frames do not. Give more bytes, or leave the frame
+// out.
 #define NVSP_ERR_BUDGET -17
-// The bytes are no packet, or its latent part is damaged. Drop it.
+// The bytes are no packet, no modem frame of the vehicle and no report for it, or they are damaged or too late, or
+// longer than the modem frames hold. Drop them.
 #define NVSP_ERR_PACKET -18
 // The packet is about another prior than the one at hand: open that one. Or one before was, or its render was another,
 // and this one does not state its prior: wait for one that does.
@@ -853,27 +914,25 @@ void nvsp_destroy(void *handle);
 // A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or
 // looks like one by chance. Update this side.
 #define NVSP_ERR_NEWER -21
-// The bytes are no modem frame of a packet, or the packet does not fit the modem. Drop them.
-#define NVSP_ERR_MODEM -22
 // No key that is held has made the tag: of a stranger or of another epoch, or damaged. Drop it.
-#define NVSP_ERR_FOREIGN -23
+#define NVSP_ERR_FOREIGN -22
 // It has the right tag, and comes a second time. Drop it; many tell of a stranger.
-#define NVSP_ERR_REPLAYED -24
+#define NVSP_ERR_REPLAYED -23
 // The difference picture is damaged or cut short. Only nvsp_decoded.damage has it.
-#define NVSP_ERR_RESIDUAL -25
+#define NVSP_ERR_RESIDUAL -24
 // The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 // nvsp_decoded.damage has it.
-#define NVSP_ERR_REFERENCE -26
+#define NVSP_ERR_REFERENCE -25
 
 // Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 // - `status`: any number.
 const char *nvsp_status_text(nvsp_status status);
 
 // Copies the text of the last failed call on a handle into `text`. An engine's is also that of the last failure to
-// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the end. The text is
-// empty if nothing failed.
+// make something with it; that of the encoder of a vehicle tells of its last frame that failed. Writes at most `size`
+// bytes, with the NUL at the end. The text is empty if nothing failed.
 // Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
-// - `handle`: a live handle of any kind.
+// - `handle`: a live handle of any kind. NULL: the last call that failed on this thread, of any handle or of none.
 // - `text`: receives the text, ending in NUL.
 // - `size`: bytes of `text`, 1 or more.
 nvsp_status nvsp_last_error(const void *handle, char *text, size_t size);
@@ -881,7 +940,7 @@ nvsp_status nvsp_last_error(const void *handle, char *text, size_t size);
 // Tells whether the frame or the packet that was begun has ended, with success or not: NVSP_OK if it has, else
 // NVSP_PENDING. Waits for that at most as long as you say.
 // Fails with NVSP_ERR_STATE if none was begun, or NVSP_ERR_ARGUMENT (another handle).
-// - `handle`: an encoder or a decoder.
+// - `handle`: an encoder or a decoder; a vehicle: its first frame that is coded; a topside: what it decodes.
 // - `milliseconds`: the longest to wait; 0 does not wait.
 NVSP_CHECKED
 nvsp_status nvsp_wait(void *handle, uint32_t milliseconds);
@@ -895,7 +954,7 @@ nvsp_status nvsp_wait(void *handle, uint32_t milliseconds);
 // A frame that is dropped counts as one whose packet was lost. Its number is used up. The next search may start at its
 // pose. The next packet names prior and camera in full. A camera that a dropped packet told is known afterwards.
 // Fails with NVSP_ERR_ARGUMENT (another handle).
-// - `handle`: an encoder or a decoder.
+// - `handle`: an encoder or a decoder; those of a vehicle and a topside are these handles' own.
 NVSP_CHECKED
 nvsp_status nvsp_cancel(void *handle);
 
@@ -1496,458 +1555,396 @@ nvsp_status nvsp_decoder_get_truth(struct nvsp_decoder *decoder,
 
 // ---- The vehicle's end of a link ----
 
-// Makes the modem frames of packets, within a bit rate. Such a frame is a share. A few shares of a packet, in any
-// combination, yield a picture; each additional one refines it. Without protection (NVSP_SENDER_UNPROTECTED) shares
-// cost fewest bytes, and those behind a lost one are of no use. nvsp_collector puts packets together. Example:
-//
-//     // For each frame of the camera; `now` is the time in seconds, on any clock that does not go back.
-//     status = nvsp_sender_plan(sender, now, &budget);
-//     if (status == NVSP_OK && budget > 0) {
-//         status = nvsp_encoder_set_rate(encoder, NVSP_RATE_STEADY, (float)budget);
-//         // ... nvsp_encode ...
-//         status = nvsp_sender_push(sender, later, packet, bytes, NULL, 0, NULL);
-//     }
-//     // Whenever the modem is free:
-//     if (nvsp_sender_next(sender, now, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
-//
-// A packet by itself, without a clock:
-//
-//     nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
-//     options.flags = NVSP_SENDER_UNPROTECTED;
-//     status = nvsp_sender_create(64, &options, &sender);
-//     status = nvsp_sender_push(sender, 0, packet, bytes, NULL, 0, NULL);
-//     while (nvsp_sender_next(sender, 0, share, sizeof share, &bytes) == NVSP_OK) modem_send(share, bytes);
-typedef struct nvsp_sender nvsp_sender;
+// The other end is heard for the first time, or again.
+#define NVSP_EVENT_HEARD 1
+// Nothing of the other end has come for `value` seconds. A vehicle sends all the same.
+#define NVSP_EVENT_SILENT 2
+// `value` things came that are not of the other end, and nothing of it: both ends need the same MTU, keys and epoch.
+#define NVSP_EVENT_STRANGERS 3
+// Store `data` before more goes: with it as `state` in its options an end goes on after a restart. An end tells it at
+// its beginning, and then rarely.
+#define NVSP_EVENT_STORE 4
+// User bytes came: `data`. A topside tells of which frame: `frame`.
+#define NVSP_EVENT_USER 5
+// Of a vehicle: a frame was coded and is on its way, or it failed: `frame`, `status`, and if that is NVSP_OK `bytes`,
+// `certain` and `value`, its PSNR in dB.
+#define NVSP_EVENT_FRAME 6
+// Of a vehicle: the topside asks for prior and camera. The next packet of its encoder states them; without an encoder
+// do it yourself (nvsp_encoder_announce).
+#define NVSP_EVENT_ASKED 7
+// Of a vehicle: the pilot's region of interest is another one: `region` and `weight`; a weight of 0: there is none.
+#define NVSP_EVENT_REGION 8
+// Of a vehicle: frames come too slowly, or as they should again: it plans for `value` per second from here on.
+#define NVSP_EVENT_FRAME_RATE 9
+// Of a topside: packets that come cannot be shown, and `status` says why; NVSP_OK: they can again.
+#define NVSP_EVENT_REFUSED 10
 
-// nvsp_sender_options.loss: the link loses nothing.
-#define NVSP_LOSS_NONE -1.0
+// Most bytes of nvsp_event.data.
+#define NVSP_MAX_DATA 264
 
-// nvsp_sender_options.flags: the topside sends reports, for nvsp_sender_process_report. The sender then remembers the
-// packets of twice the latency.
-#define NVSP_SENDER_EXPECT_REPORTS 1
-// nvsp_sender_options.flags: no protection against losses. The link loses nothing, or the topside asks for what is
-// missing. Needs stream 0 and no user bytes. Below an MTU of 16 a packet has at most 8 shares, and these have no check
-// of their own: the modem must find damage.
-#define NVSP_SENDER_UNPROTECTED 2
-
-// MTUs of common acoustic modems, bytes. Any from 8 to 65535 will do, with protection from 16.
-#define NVSP_MTU_31 31
-
-#define NVSP_MTU_64 64
-
-#define NVSP_MTU_256 256
-
-#define NVSP_MTU_1024 1024
-
-// A link, and what its pictures should be.
-typedef struct nvsp_sender_options {
+// What an end tells. The comment of its kind names the fields that it sets; the others are zero.
+typedef struct nvsp_event {
   uint32_t struct_size;
   uint32_t abi_version;
-  // What the link carries, bit/s, above 0. Without protection 0 means that packets go as they come: no frame is
-  // planned, and no other option than `spread`, `overhead`, `shares` and `flags` counts.
+  // NVSP_EVENT_*.
+  uint32_t kind;
+  // Number of the frame.
+  uint32_t frame;
+  // A number: see the kind.
+  double value;
+  // NVSP_OK, or why a frame failed.
+  nvsp_status status;
+  // Bytes of the frame's packet.
+  uint32_t bytes;
+  // 1: the picture confirms the frame's pose; else 0.
+  uint32_t certain;
+  // How much more an error in the region counts.
+  uint32_t weight;
+  // Left, top, right and bottom of the region, as parts of the picture, 0 to 1.
+  float region[4];
+  // Bytes of `data`.
+  uint32_t data_size;
+  // Zero.
+  uint32_t reserved;
+  // User bytes, or a state.
+  uint8_t data[NVSP_MAX_DATA];
+} nvsp_event;
+
+// For the flags of both ends' options: times of calls are UTC in seconds. A picture's age is then known before a
+// report came, if the clocks are right. Without it times are on any clock of that side.
+#define NVSP_LINK_UTC 1
+// There are no reports: the link has no way back. Give both ends the same.
+#define NVSP_LINK_NO_REPORTS 2
+// Of a vehicle: the modem asks for modem frames when it has room, as it also carries other traffic. `bit_rate` is 0.
+#define NVSP_LINK_PULL 4
+// Of a vehicle: packets go as they come, with NVSP_LINK_UNPROTECTED. `bit_rate` is 0, and the encoder keeps its rate.
+#define NVSP_LINK_AS_THEY_COME 8
+// Of a vehicle: no protection against losses: the link loses nothing, or what a report misses is sent again. Needs
+// stream 0, and no user bytes travel. Below an MTU of 16 a packet has at most 8 modem frames, and the modem must find
+// damage.
+#define NVSP_LINK_UNPROTECTED 16
+// Of a vehicle: packets do not tell when their frame was exposed, which takes two bytes. No user bytes travel then.
+#define NVSP_LINK_NO_STAMPS 32
+// Of a vehicle: poses are stated in full, even if the topside holds others that they could be predicted from.
+#define NVSP_LINK_STATE_POSES 64
+// Of a topside: the modem hands over no damaged frames. What comes then counts as valid.
+#define NVSP_LINK_MODEM_CHECKS 128
+
+// For fields of both ends' options that have another default than 0: none, 0.
+#define NVSP_NONE -1.0
+
+// How a vehicle sends. MTU, bit rate and frame rate must be stated; NVSP_LINK_PULL and NVSP_LINK_AS_THEY_COME do
+// without a bit rate, and the latter without a frame rate.
+typedef struct nvsp_vehicle_options {
+  uint32_t struct_size;
+  uint32_t abi_version;
+  // Most bytes of a modem frame, 8 to 65535; with protection from 16, with keys from as many more as they take. The
+  // topside needs the same.
+  uint32_t mtu;
+  // NVSP_LINK_* flags.
+  uint32_t flags;
+  // What the link carries, or the part of it that is for pictures, bit/s.
   double bit_rate;
-  // Most pictures per second, above 0. There is no default. If a camera's frames come at uneven times, give a little
-  // more than its rate: a frame that comes early is else left out.
+  // Camera frames per second: numbers count all of them, also those that never come here.
   double frame_rate;
-  // Longest time from the exposure of a frame to the end of its packet's last share, seconds. 0: 1.5.
+  // Most pictures per second. 0: as many as frames.
+  double picture_rate;
+  // Longest time from the exposure of a frame to the end of its packet's last modem frame, seconds. 0: 1.5.
   double latency;
-  // What of it is no transmission: search, coding, propagation; seconds.
+  // What of it is no transmission: search, coding, propagation; seconds. 0: 0.3. NVSP_NONE: none.
   double delay;
-  // Time from a packet's first share to its last one, seconds, a part of the latency. Shares of other packets lie
-  // between them, so a burst of losses takes few of each. 0: they follow each other.
+  // Seconds from a packet's first modem frame to its last one. Those of other packets lie between them, so a burst
+  // of losses takes few of each. 0: a quarter of what the delay leaves. NVSP_NONE: they follow each other.
   double spread;
-  // Chance that a modem frame is lost, below 1. 0: 0.1, a fair guess if it is not known. NVSP_LOSS_NONE: none is
-  // lost.
+  // Chance that a modem frame is lost, below 1; reports tell how it is. 0: 0.1. NVSP_NONE: none is lost.
   double loss;
   // Mean number of modem frames that are lost in a row, 1 or more. 0: 1.
   double burst;
   // What each modem frame costs on the link beside its bytes (preamble, the modem's own header), as bytes.
   uint32_t overhead;
-  // Fewest bytes for a picture, all counted. Few: quality falls before the frame rate does. As many as a good
-  // picture takes: the frame rate falls first. 0: 40.
+  // Fewest bytes for a picture, all counted: below it frames are left out. 0: 40.
   uint32_t min_bytes;
-  // Most shares of a packet, up to 64; without protection up to 2048, below an MTU of 16 up to 8, and more count as
-  // so many. nvsp_collector_options.shares must be as many. 0: 16; without protection as many as 65536 bytes take.
-  uint32_t shares;
-  // User bytes that travel with each packet, up to 255; with it they come or are lost.
+  // Most modem frames of a packet: up to 64, without protection up to 2048. 0: as many as MTU and rate take.
+  uint32_t max_shares;
+  // User bytes that travel with each packet, up to 253; with it they come or are lost.
   uint32_t user_bytes;
-  // The stream that the packets are of, 0 to 3: up to four encoders may share a link, each with a sender.
+  // The stream, 0 to 3: up to four cameras share a link, each with a vehicle.
   uint32_t stream;
-  // NVSP_SENDER_* flags.
-  uint32_t flags;
-  // Each modem frame gets a number and a tag by these keys, and reports need one, too. They take nvsp_keys.tag_bytes
-  // and 2 bytes of each modem frame. Read during nvsp_sender_create. NULL: none.
+  // Bytes of `state`.
+  uint32_t state_size;
+  // Each modem frame gets a number and a tag by these keys, and reports need one, too. They take
+  // nvsp_keys.tag_bytes and 2 bytes of each modem frame. Read during the call. NULL: none.
   const struct nvsp_keys *keys;
-} nvsp_sender_options;
+  // What this end had you store last (NVSP_EVENT_STORE), before it started again. Read during the call. NULL: it
+  // begins anew.
+  const uint8_t *state;
+} nvsp_vehicle_options;
 
-// How a packet was divided.
-typedef struct nvsp_division {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // Shares.
-  uint32_t shares;
-  // Bytes of each; the last one of an unprotected packet may have fewer.
-  uint32_t share_bytes;
-  // Any so many shares yield a picture; of an unprotected packet the first so many.
-  uint32_t picture_shares;
-  // Any so many yield all that is sent.
-  uint32_t whole_shares;
-  // Bytes of the packet that are sent. If they are fewer than it has, its end is not: it is longer than planned.
-  uint32_t packet_bytes;
-  // Bytes on the link, the overhead of each share counted.
-  uint32_t link_bytes;
-} nvsp_division;
-
-// Most frames in a report.
-#define NVSP_REPORT_FRAMES 32
-
-// What a report says, and what the sender made of it.
-typedef struct nvsp_processed_report {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // Shares that were lost, as a part of those that no report told of before; -1: too few to tell.
-  double loss;
-  // Shares that are sent again.
-  uint32_t resent_shares;
-  // Bytes of them on the link.
-  uint32_t resent_bytes;
-  // The newest frame number of which a share came, modulo 65536.
-  uint32_t newest;
-  // How many packets the report tells of: that of `newest`, and those before it.
-  uint32_t reported;
-  // Place of the topside's user bytes in the report.
-  uint32_t user_offset;
-  // How many they are.
-  uint32_t user_bytes;
-  // Frames that the topside decoded in full: tell each to nvsp_encoder_acknowledge.
-  uint32_t kept_count;
-  // Their numbers modulo 65536, newest first.
-  uint32_t kept[NVSP_REPORT_FRAMES];
-  // Zero.
-  uint32_t reserved;
-} nvsp_processed_report;
-
-// Makes a sender. Takes all its memory here: room for the shares that wait, at most those of the packets that come
-// within the latency.
-// Fails with NVSP_ERR_ARGUMENT (an option, which the status text does not name), NVSP_ERR_MODEM (the MTU) or
-// NVSP_ERR_MEMORY.
-// - `mtu`: most bytes of a modem frame, 16 to 65535; without protection from 8; with keys from as many more as they
-//   take. Both sides need the same.
-// - `options`: what the link carries, and what its pictures should be.
-// - `sender`: receives the sender, which nvsp_destroy ends.
+// Makes a vehicle's end. Takes all its memory here, as nvsp_vehicle_memory tells, and what nvsp_encoder_create takes.
+// Fails with NVSP_ERR_ARGUMENT: the text names the option and what it allows. It is the engine's, and that of
+// nvsp_last_error(NULL). Fails also with NVSP_ERR_MEMORY, and as nvsp_encoder_create.
+// - `engine`: NULL, with `prior` and `camera`: there is no encoder. Give packets: nvsp_vehicle_packet.
+// - `prior`: a live prior that was opened with `engine`.
+// - `camera`: size, focal lengths and principal point, pixels.
+// - `encoder_options`: how to encode. The vehicle sets the rate (but for NVSP_LINK_AS_THEY_COME), the first frame's
+//   number and the keys: leave them at 0. NULL: all defaults.
+// - `options`: how to send.
+// - `vehicle`: receives the vehicle, which nvsp_destroy ends.
 NVSP_CHECKED
-nvsp_status nvsp_sender_create(uint32_t mtu, const struct nvsp_sender_options *options, struct nvsp_sender **sender);
+nvsp_status nvsp_vehicle_create(const struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior,
+                                const struct nvsp_camera *camera,
+                                const struct nvsp_encoder_options *encoder_options,
+                                const struct nvsp_vehicle_options *options,
+                                struct nvsp_vehicle **vehicle);
 
-// Tells how many bytes the packet of a frame may have: encode it with NVSP_RATE_STEADY and as many. 0: leave the frame
-// out (nvsp_frame_info.left_out of the next one), as the link has no bytes for it. Ask for each frame of the camera,
-// or as often as you like: if no packet follows, no bytes are spent. A sender without a bit rate tells the longest
-// packet that it takes.
-// Fails with NVSP_ERR_ARGUMENT (the time).
-// - `now`: when the frame was exposed, seconds, on a clock that does not go back. All times of a sender are on it.
+// Tells how much memory a vehicle takes besides its encoder. Any thread may call it.
+// Fails with NVSP_ERR_ARGUMENT, as nvsp_vehicle_create.
+// - `options`: how to send.
 // - `bytes`: receives the bytes.
 NVSP_CHECKED
-nvsp_status nvsp_sender_plan(struct nvsp_sender *sender, double now, uint32_t *bytes);
+nvsp_status nvsp_vehicle_memory(const struct nvsp_vehicle_options *options, uint64_t *bytes);
 
-// Takes the packet of the frame that was planned last, and makes shares of it. A packet that also tells the camera may
-// be longer than planned: it takes more of the link for once. A sender without a bit rate takes any packet whole,
-// without a plan.
-// Fails with NVSP_ERR_ARGUMENT (the time, or not as many user bytes as nvsp_sender_options.user_bytes), NVSP_ERR_MODEM
-// (the bytes are not exactly one valid packet, or longer than the shares), NVSP_ERR_STATE (no frame was planned, or
-// its packet was taken), NVSP_ERR_BUDGET (all shares together do not hold a picture: the MTU or
-// nvsp_sender_options.shares is too small) or NVSP_ERR_UNFINISHED (too many shares wait: nobody takes them). The plan
-// stays then.
-// - `now`: when the packet is ready, seconds.
+// Gives the vehicle's encoder, for its lens, mask, camera, reset and key frames (nvsp_encoder_prepare), and its
+// pictures. It is the vehicle's: frames and rates come by the vehicle alone, and nvsp_destroy on it does nothing.
+// NULL: there is none, or the vehicle is in use.
+struct nvsp_encoder *nvsp_vehicle_encoder(struct nvsp_vehicle *vehicle);
+
+// Counts a camera frame, and begins to code it on the encoder's own thread, as nvsp_encode_begin does. Give all frames
+// of the camera. Returns NVSP_PENDING if it is left out: the link has no bytes for it, or the encoder is busy.
+// NVSP_EVENT_FRAME tells what came of it; nvsp_vehicle_transmit sends it.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_IMAGE, NVSP_ERR_UNSUPPORTED or NVSP_ERR_MEMORY (no thread), and with
+// NVSP_ERR_STATE if there is no encoder.
+// - `image`: the frame.
+// - `info`: what is known of the frame. Its `time` is the exposure, seconds on the clock of `now`; it has no
+//   `left_out`. NULL: nothing is known, and it was exposed now.
+// - `user`: user bytes that travel with it. NULL only if `user_size` is 0.
+// - `user_size`: bytes of `user`: nvsp_vehicle_options.user_bytes.
+NVSP_CHECKED
+nvsp_status nvsp_vehicle_frame(struct nvsp_vehicle *vehicle,
+                               double now,
+                               const struct nvsp_image *image,
+                               const struct nvsp_frame_info *info,
+                               const uint8_t *user,
+                               size_t user_size);
+
+// Counts a camera frame that you encode yourself, and tells how: with NVSP_RATE_STEADY and as many bytes. Returns
+// NVSP_PENDING if it is left out, as the link has no bytes for it, and writes nothing then. With
+// NVSP_LINK_AS_THEY_COME no frame needs a plan.
+// Fails with NVSP_ERR_STATE (the vehicle has an encoder).
+// - `exposed`: when it was exposed, seconds.
+// - `number`: receives its number: nvsp_frame_info.left_out makes it the encoder's. NULL: not wanted.
+// - `bytes`: receives the bytes.
+NVSP_CHECKED
+nvsp_status nvsp_vehicle_plan(struct nvsp_vehicle *vehicle,
+                              double now,
+                              double exposed,
+                              uint32_t *number,
+                              uint32_t *bytes);
+
+// Takes the packet of the frame that was planned last. One that also tells the camera may be longer than planned: it
+// takes more of the link for once.
+// Fails with NVSP_ERR_ARGUMENT (the time, or `user_size`), NVSP_ERR_PACKET (not exactly one packet, or without
+// protection longer than its modem frames hold), NVSP_ERR_STATE (no frame was planned, or the vehicle has an encoder),
+// NVSP_ERR_BUDGET (all its modem frames do not hold a picture) or NVSP_ERR_UNFINISHED (too many modem frames wait:
+// nobody takes them). Nothing of it is sent then.
+// - `now`: when it is ready, seconds.
 // - `packet`: the packet.
 // - `size`: bytes of `packet`.
-// - `user`: the user bytes. NULL only if `user_size` is 0.
-// - `user_size`: bytes of `user`; nvsp_sender_options.user_bytes.
-// - `division`: receives how the packet was divided. NULL: not wanted.
+// - `user`: user bytes that travel with it. NULL only if `user_size` is 0.
+// - `user_size`: bytes of `user`: nvsp_vehicle_options.user_bytes.
 NVSP_CHECKED
-nvsp_status nvsp_sender_push(struct nvsp_sender *sender,
-                             double now,
-                             const uint8_t *packet,
-                             size_t size,
-                             const uint8_t *user,
-                             size_t user_size,
-                             struct nvsp_division *division);
+nvsp_status nvsp_vehicle_packet(struct nvsp_vehicle *vehicle,
+                                double now,
+                                const uint8_t *packet,
+                                size_t size,
+                                const uint8_t *user,
+                                size_t user_size);
 
-// Writes the next share, if one is due, and takes it off the list. Returns NVSP_PENDING if none is due at `now`, and
-// writes nothing then. Call it when the modem is free: shares that it had no time for are due still.
-// Fails with NVSP_ERR_ARGUMENT (the time) or NVSP_ERR_BUFFER_TOO_SMALL. The share stays then.
-// - `now`: seconds.
-// - `share`: receives the share, which is a modem frame. It may be filled up with zeros.
-// - `size`: bytes of `share`; the MTU always suffices.
-// - `written`: receives the share's length, bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// Takes what the modem received. Of a report the vehicle learns what the topside holds, which modem frames to send
+// again, and what the link loses.
+// Fails with NVSP_ERR_PACKET, NVSP_ERR_STATE, NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED
+// if it is no report for this vehicle: that is no failure of the link.
+// - `bytes`: what was received.
+// - `size`: how many bytes.
 NVSP_CHECKED
-nvsp_status nvsp_sender_next(struct nvsp_sender *sender, double now, uint8_t *share, size_t size, size_t *written);
+nvsp_status nvsp_vehicle_receive(struct nvsp_vehicle *vehicle, double now, const uint8_t *bytes, size_t size);
 
-// Takes a report of the topside, which nvsp_collector_report wrote. The protection follows the loss that it tells,
-// step by step. Shares that a picture still lacks, without protection all that are missing, are sent again, once, if
-// they come within the latency: nvsp_sender_next writes them at once. Padding may follow the report. Example:
-//
-//     nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
-//     if (nvsp_sender_process_report(sender, now, bytes, size, &processed) == NVSP_OK) {
-//         for (uint32_t i = 0; i < processed.kept_count; i++) {
-//             status = nvsp_encoder_acknowledge(encoder, processed.kept[i]);
-//         }
-//     }
-// Fails with NVSP_ERR_ARGUMENT (the time), NVSP_ERR_MODEM (no report, damaged, or of another stream) or NVSP_ERR_STATE
-// (the sender was made without NVSP_SENDER_EXPECT_REPORTS); with keys NVSP_ERR_FOREIGN or NVSP_ERR_REPLAYED. Nothing
-// changes then.
-// - `now`: when the report came, seconds.
-// - `report`: its bytes.
-// - `size`: bytes of `report`.
-// - `processed`: receives what it says.
+// Takes what the encoder has finished, then writes the next modem frame that is due. Call it when the modem is free,
+// or with NVSP_LINK_PULL when it asks. Returns NVSP_PENDING if none is due, or none of so few bytes waits.
+// - `most`: bytes of `bytes`: the MTU, or what the modem has room for.
+// - `bytes`: receives the modem frame.
+// - `written`: receives its length, bytes.
+// - `next`: receives when to call again at the latest, seconds, also with NVSP_PENDING. It may have passed. Infinite:
+//   nothing waits. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_sender_process_report(struct nvsp_sender *sender,
-                                       double now,
-                                       const uint8_t *report,
-                                       size_t size,
-                                       struct nvsp_processed_report *processed);
+nvsp_status nvsp_vehicle_transmit(struct nvsp_vehicle *vehicle,
+                                  double now,
+                                  size_t most,
+                                  uint8_t *bytes,
+                                  size_t *written,
+                                  double *next);
 
-// Tells when the next share is due. Returns NVSP_PENDING if none waits, and writes nothing then.
-// - `time`: receives the time, seconds. It may have passed.
+// Fetches the next event. Returns NVSP_PENDING if there is none. If nobody fetches them, the first ones go.
+// - `event`: receives it.
 NVSP_CHECKED
-nvsp_status nvsp_sender_due(struct nvsp_sender *sender, double *time);
+nvsp_status nvsp_vehicle_event(struct nvsp_vehicle *vehicle, struct nvsp_event *event);
 
 // Counts bytes that you give to the link besides, for example telemetry: pictures get the fewer.
-// Fails with NVSP_ERR_ARGUMENT (the time).
-// - `now`: seconds.
 // - `bytes`: their number, with what they cost beside themselves.
 NVSP_CHECKED
-nvsp_status nvsp_sender_count(struct nvsp_sender *sender, double now, uint32_t bytes);
+nvsp_status nvsp_vehicle_count(struct nvsp_vehicle *vehicle, double now, uint32_t bytes);
 
-// Sets what the link carries from `now` on. The next frame's bytes are those of the new rate.
-// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The rate before stays
-// then.
-// - `now`: seconds.
-// - `bit_rate`: bit/s, above 0.
+// Sets what the link is like from `now` on. Reports tell the loss by themselves.
+// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the vehicle goes by no bit rate. Nothing changes then.
+// - `bit_rate`: bit/s. Negative: it stays.
+// - `loss`: chance that a modem frame is lost, below 1; here 0 means that none is. Negative: it stays.
+// - `burst`: mean number of modem frames that are lost in a row, 1 or more. Negative: it stays.
 NVSP_CHECKED
-nvsp_status nvsp_sender_set_bit_rate(struct nvsp_sender *sender, double now, double bit_rate);
-
-// Sets what the next packets are protected against, for example as the topside has measured it
-// (nvsp_collector_statistics).
-// Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_STATE if the sender was made without a bit rate. The loss before stays
-// then.
-// - `loss`: chance that a modem frame is lost, 0 up to but not 1. Here 0 means that none is.
-// - `burst`: mean number of modem frames that are lost in a row, 1 or more. 0: 1.
-NVSP_CHECKED
-nvsp_status nvsp_sender_set_loss(struct nvsp_sender *sender, double loss, double burst);
+nvsp_status nvsp_vehicle_set_link(struct nvsp_vehicle *vehicle, double now, double bit_rate, double loss, double burst);
 
 // ---- The topside's end of a link ----
 
-// Puts packets together from the shares of an nvsp_sender, protected and unprotected ones. Example:
-//
-//     nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
-//     if (nvsp_collector_push(collector, now, frame, size, &state) == NVSP_OK && state.bytes > 0)
-//         status = nvsp_collector_fetch(collector, state.stream, state.frame, packet, sizeof packet, &bytes, NULL);
-typedef struct nvsp_collector nvsp_collector;
-
-// nvsp_collector_options.flags: the modem hands over no damaged frames. The first share of an unprotected packet then
-// counts as valid to its end.
-#define NVSP_COLLECTOR_MODEM_CHECKS 1
-
-// How to collect shares.
-typedef struct nvsp_collector_options {
+// How a topside receives. The MTU must be stated.
+typedef struct nvsp_topside_options {
   uint32_t struct_size;
   uint32_t abi_version;
-  // Seconds after which a packet is stale, from its first share on. Shares name packets by the frame number modulo
-  // 256: give less time than 128 frames of the camera take. A share that comes later than that looks like one of the
-  // future. Below an MTU of 16 they count packets modulo 8: less time than 4 packets take. 0: 4.
-  double age;
-  // Shares of a packet that there is room for, up to 2048: nvsp_sender_options.shares. An unprotected packet of n
-  // bytes takes 1, and one more for each MTU - 4 bytes beyond MTU - 1; below an MTU of 16 one for each MTU - 1
-  // bytes. Of a longer one the start is kept. 0: 32.
-  uint32_t shares;
-  // Packets of a stream that are held: that of the newest frame number, and of those before it. Up to 64, and
-  // rounded up to a power of two; below an MTU of 16 up to 4. 0: 16.
-  uint32_t packets;
-  // Streams that are taken, 0 to this less one; up to 4. 0: 1.
-  uint32_t streams;
-  // NVSP_COLLECTOR_* flags.
+  // Most bytes of a modem frame, 8 to 65535: the vehicle's. What lies beyond it is padding.
+  uint32_t mtu;
+  // NVSP_LINK_* flags.
   uint32_t flags;
-  // Only modem frames that a sender has made with one of these keys are taken, and none a second time. Reports get a
-  // tag by the first. Read during the call. NULL: none, and whatever comes is taken.
-  const struct nvsp_keys *keys;
-} nvsp_collector_options;
-
-// The packet is complete.
-#define NVSP_EVENT_COMPLETE 1
-// The packet has more bytes at its start than before: nvsp_collector_fetch yields a better picture.
-#define NVSP_EVENT_GROWN 2
-// The share is kept. It is of use once more come.
-#define NVSP_EVENT_KEPT 3
-// The share was there already.
-#define NVSP_EVENT_DUPLICATE 4
-// The packet's own checks do not match what its shares hold. They are dropped, and may come again. Of an unprotected
-// packet the first one stays, as far as it is valid.
-#define NVSP_EVENT_DAMAGED 5
-// The share's packet was complete before.
-#define NVSP_EVENT_SURPLUS 6
-
-// What has come of a packet.
-typedef struct nvsp_collected {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // NVSP_EVENT_* from nvsp_collector_push: what the share brought. From other calls 0. With
-  // NVSP_EVENT_COMPLETE and NVSP_EVENT_GROWN all other fields are set. Else they are zero.
-  uint32_t event;
-  // Stream of the packet.
+  // 0: the newest picture, as it comes and as it gets better. Else each frame once, in order, as soon as its packet
+  // is whole, and so many seconds after its exposure at the latest; between frames that came the prior is drawn at
+  // poses between.
+  double latency;
+  // In order: the camera's frames per second. 0: not known; frames have the time at which they began to come.
+  double frame_rate;
+  // Seconds after which a packet is stale. Less than 128 of the camera's frames take; below an MTU of 16 less than
+  // 4. 0: 4; in order 2 more than the latency, and no more than 60 frames take.
+  double age;
+  // Seconds between two reports. 0: 1.
+  double report_every;
+  // Modem frames of a packet that there is room for, up to 2048. Of a longer unprotected packet the start is kept.
+  // 0: as many as 65536 bytes take, 16 or more.
+  uint32_t max_shares;
+  // Packets that are held, up to 64; below an MTU of 16 up to 4. 0: 64.
+  uint32_t packets;
+  // The stream that is taken, 0 to 3.
   uint32_t stream;
-  // Frame number of the packet, completed from that of the packet before.
-  uint32_t frame;
-  // Bytes of its start that are there. Checks vouch for them.
-  uint32_t bytes;
-  // 1: these are the whole packet; else 0.
-  uint32_t complete;
-  // Shares of it that came.
-  uint32_t arrived;
-  // Shares that it was sent in; 0: the length of an unprotected packet has not come.
-  uint32_t sent;
-  // User bytes that came with it.
-  uint32_t user_bytes;
-  // 1: no share brings more, as the packet is complete, or its end was not sent; else 0.
-  uint32_t ended;
-  // Zero.
-  uint32_t reserved;
-} nvsp_collected;
+  // Bytes of `state`.
+  uint32_t state_size;
+  // Only modem frames that a vehicle has made with one of these keys are taken, and none a second time. Reports get
+  // a tag by the first. Read during the call. NULL: none, and whatever comes is taken.
+  const struct nvsp_keys *keys;
+  // What this end had you store last (NVSP_EVENT_STORE), before it started again. Read during the call. NULL: it
+  // begins anew.
+  const uint8_t *state;
+} nvsp_topside_options;
 
-// Tells how much memory a collector takes for its packets. Any thread may call it.
-// Fails with NVSP_ERR_ARGUMENT or NVSP_ERR_MODEM (an MTU without room for keys).
-// - `mtu`: most bytes of a modem frame, 1 to 65535; with keys from 8 more than they take.
-// - `options`: how; NULL: all defaults.
+// Makes a topside's end. Takes its memory here, as nvsp_topside_memory tells; the decoder takes its own as
+// nvsp_decode does. In order, a stream's pictures that came before their turn take more.
+// Fails with NVSP_ERR_ARGUMENT: the text names the option and what it allows. It is the engine's, and that of
+// nvsp_last_error(NULL). Fails also with NVSP_ERR_MEMORY.
+// - `engine`: NULL, with `prior`: there is no decoder. Take packets: nvsp_topside_packet.
+// - `prior`: a live prior that was opened with `engine`.
+// - `options`: how to receive.
+// - `topside`: receives the topside, which nvsp_destroy ends.
+NVSP_CHECKED
+nvsp_status nvsp_topside_create(const struct nvsp_engine *engine,
+                                const struct nvsp_prior *prior,
+                                const struct nvsp_topside_options *options,
+                                struct nvsp_topside **topside);
+
+// Tells how much memory a topside takes besides its decoder. Any thread may call it.
+// Fails with NVSP_ERR_ARGUMENT, as nvsp_topside_create.
+// - `options`: how to receive.
 // - `bytes`: receives the bytes.
 NVSP_CHECKED
-nvsp_status nvsp_collector_memory(uint32_t mtu, const struct nvsp_collector_options *options, uint64_t *bytes);
+nvsp_status nvsp_topside_memory(const struct nvsp_topside_options *options, uint64_t *bytes);
 
-// Makes a collector. Takes all its memory here: as much as nvsp_collector_memory tells.
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_MODEM (an MTU without room for keys) or NVSP_ERR_MEMORY.
-// - `mtu`: most bytes of a modem frame, 1 to 65535, as the sender's; packets need 8, with protection 16, and with keys
-//   as many more as these take. What lies beyond it is padding.
-// - `options`: how; NULL: all defaults.
-// - `collector`: receives the collector, which nvsp_destroy ends.
-NVSP_CHECKED
-nvsp_status nvsp_collector_create(uint32_t mtu,
-                                  const struct nvsp_collector_options *options,
-                                  struct nvsp_collector **collector);
+// Gives the topside's decoder, for its filter, cameras and truth map (nvsp_decoder_get_truth: of the picture that was
+// fetched last). It is the topside's: packets come by the topside alone, and nvsp_destroy on it does nothing. NULL:
+// there is none, or the topside is in use.
+struct nvsp_decoder *nvsp_topside_decoder(struct nvsp_topside *topside);
 
-// Takes a modem frame. Shares may come in any order, repeated, padded or damaged, and mixed with other frames.
-// Fails with NVSP_ERR_ARGUMENT (the time), or NVSP_ERR_MODEM if it is no share, is damaged or too old, is of a stream
-// that is not taken, or is one of more shares than there is room for. With keys, NVSP_ERR_FOREIGN or
-// NVSP_ERR_REPLAYED: nothing of it is read then. What came before is not lost.
-// - `now`: when it came, seconds, on a clock that does not go back. Without a clock, 0 always: then no packet becomes
-//   stale.
-// - `frame`: the modem frame.
-// - `size`: bytes of it.
-// - `state`: receives what it brought. NULL: not wanted.
+// Takes what the modem received. Modem frames may come in any order, repeated, padded or damaged, and mixed with
+// others.
+// Fails with NVSP_ERR_PACKET or NVSP_ERR_NEWER if it is none of the vehicle's,
+// damaged, too late, of another stream, or of more than there is room for; with keys NVSP_ERR_FOREIGN or
+// NVSP_ERR_REPLAYED. That is no failure of the link, and what came before is not lost.
+// - `bytes`: what was received.
+// - `size`: how many bytes.
 NVSP_CHECKED
-nvsp_status nvsp_collector_push(struct nvsp_collector *collector,
+nvsp_status nvsp_topside_receive(struct nvsp_topside *topside, double now, const uint8_t *bytes, size_t size);
+
+// Fetches the next picture to show. If none is there, begins to decode what came on the decoder's own thread, and
+// returns NVSP_PENDING: call it again, at once or after nvsp_wait. Packets that cannot be shown are no failure:
+// NVSP_EVENT_REFUSED tells.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL (the picture is kept), NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or
+// NVSP_ERR_DEVICE_LOST, and with NVSP_ERR_STATE if there is no decoder.
+// - `picture`: receives the picture. Its pixels are yours.
+// - `shown`: receives what is known of it. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_topside_picture(struct nvsp_topside *topside,
+                                 double now,
+                                 struct nvsp_picture *picture,
+                                 struct nvsp_decoded *shown);
+
+// For who decodes elsewhere: fetches the next packet, or the start of one that came. Give it to nvsp_decode with
+// NVSP_DECODE_START. Returns NVSP_PENDING if there is none now.
+// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL (the packet is kept until newer ones take its place), or
+// NVSP_ERR_STATE (the topside has a decoder).
+// - `packet`: receives the packet.
+// - `size`: bytes of `packet`; nvsp_topside_options.max_shares times the MTU always suffices.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `shown`: receives what is known of it without decoding. NULL: not wanted.
+NVSP_CHECKED
+nvsp_status nvsp_topside_packet(struct nvsp_topside *topside,
                                 double now,
-                                const uint8_t *frame,
+                                uint8_t *packet,
                                 size_t size,
-                                struct nvsp_collected *state);
+                                size_t *written,
+                                struct nvsp_decoded *shown);
 
-// Copies what has come of a packet: the whole packet, or its start. Give it to nvsp_decode with NVSP_DECODE_START,
-// which makes the best possible picture of it. The packet stays until newer packets take its place, or it is stale.
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of it that makes a
-// picture.
-// - `stream`: the packet's stream.
-// - `frame`: its frame number, as nvsp_collected.frame has it.
-// - `packet`: receives the packet, or its start.
-// - `size`: bytes of `packet`; nvsp_collector_options.shares times the MTU always suffices.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
-// - `state`: receives what is there of the packet. NULL: not wanted.
-NVSP_CHECKED
-nvsp_status nvsp_collector_fetch(struct nvsp_collector *collector,
-                                 uint32_t stream,
-                                 uint32_t frame,
-                                 uint8_t *packet,
-                                 size_t size,
-                                 size_t *written,
-                                 struct nvsp_collected *state);
-
-// Copies the user bytes that came with a packet: as many as nvsp_collected.user_bytes.
-// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_BUFFER_TOO_SMALL, or NVSP_ERR_STATE if nothing came of the packet that makes
-// a picture, or it has none.
-// - `stream`: the packet's stream.
-// - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `user`: receives the user bytes.
-// - `size`: bytes of `user`; 255 always suffice.
-// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
-NVSP_CHECKED
-nvsp_status nvsp_collector_fetch_user(struct nvsp_collector *collector,
-                                      uint32_t stream,
-                                      uint32_t frame,
-                                      uint8_t *user,
-                                      size_t size,
-                                      size_t *written);
-
-// Tells what is there of the packet of the greatest frame number of a stream that yields a picture.
-// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_STATE if there is none.
-// - `stream`: the stream.
-// - `state`: receives what is there.
-NVSP_CHECKED
-nvsp_status nvsp_collector_newest(struct nvsp_collector *collector, uint32_t stream, struct nvsp_collected *state);
-
-// Tells which shares of a packet have come: bit i modulo 8 of byte i / 8 is set if share i has. Until the packet
-// yields a picture, its frame number counts modulo 256.
-// Fails with NVSP_ERR_ARGUMENT (the stream), or NVSP_ERR_BUFFER_TOO_SMALL, which writes `known`: a byte is needed for
-// each eight.
-// - `stream`: the packet's stream.
-// - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `bits`: receives the bits; those beyond `known` are zero.
-// - `size`: bytes of `bits`; an eighth of nvsp_collector_options.shares, rounded up, always suffices.
-// - `known`: receives how many shares are known of: all that the packet was sent in; of an unprotected one whose
-//   length has not come those up to the first missing one; 0: none has come.
-NVSP_CHECKED
-nvsp_status nvsp_collector_arrived(struct nvsp_collector *collector,
-                                   uint32_t stream,
-                                   uint32_t frame,
-                                   uint8_t *bits,
-                                   size_t size,
-                                   uint32_t *known);
-
-// Lists the shares of a packet that have not come; none if it is complete, or if nothing of it came. Until the length
-// of an unprotected packet has come, that is the first missing one. Until the packet yields a picture, its frame
-// number counts modulo 256.
-// Fails with NVSP_ERR_ARGUMENT (the stream).
-// - `stream`: the packet's stream.
-// - `frame`: its frame number, as for nvsp_collector_fetch.
-// - `indices`: receives the first indices, as many as there is room for. NULL only if `room` is 0.
-// - `room`: most indices to write.
-// - `count`: receives how many are missing in all, which may be more than `room`.
-NVSP_CHECKED
-nvsp_status nvsp_collector_missing(struct nvsp_collector *collector,
-                                   uint32_t stream,
-                                   uint32_t frame,
-                                   uint32_t *indices,
-                                   uint32_t room,
-                                   uint32_t *count);
-
-// Writes what has come of a stream's newest packets, for the vehicle: a modem frame for the return channel, which
-// nvsp_sender_process_report reads. Send one now and then, for example each second. If not all packets fit, it tells
-// of the newest ones. Returns NVSP_PENDING if no packet has yielded a picture yet, and writes nothing then.
-// Fails with NVSP_ERR_ARGUMENT (the stream, or more than 255 user bytes) or NVSP_ERR_MODEM (`size` is too small for
-// any report).
-// - `stream`: the stream.
-// - `kept`: numbers of the frames that were decoded in full (NVSP_DECODED_KEPT), of which the low 16 bits count. NULL
-//   only if `kept_count` is 0.
-// - `kept_count`: how many. Frames that the report does not tell of are ignored.
-// - `user`: bytes of yours that go with the report. NULL: none.
-// - `user_size`: bytes of `user`, at most 255.
+// Writes the report that is due, as a modem frame for the way back. Returns NVSP_PENDING if none is; while a packet is
+// decoded it waits for that. Reports are made only while the vehicle is heard.
+// Fails with NVSP_ERR_BUFFER_TOO_SMALL: the MTU is needed.
 // - `report`: receives the report.
-// - `size`: most bytes of a modem frame.
-// - `written`: receives the report's length, bytes.
+// - `size`: bytes of `report`.
+// - `written`: receives the number of bytes, also with NVSP_ERR_BUFFER_TOO_SMALL.
+// - `next`: receives when to call again at the latest, seconds, for a report or a picture in order. Infinite: nothing
+//   waits. NULL: not wanted.
 NVSP_CHECKED
-nvsp_status nvsp_collector_report(struct nvsp_collector *collector,
-                                  uint32_t stream,
-                                  const uint32_t *kept,
-                                  uint32_t kept_count,
-                                  const uint8_t *user,
-                                  size_t user_size,
-                                  uint8_t *report,
-                                  size_t size,
-                                  size_t *written);
+nvsp_status nvsp_topside_report(struct nvsp_topside *topside,
+                                double now,
+                                uint8_t *report,
+                                size_t size,
+                                size_t *written,
+                                double *next);
+
+// Fetches the next event. Returns NVSP_PENDING if there is none. If nobody fetches them, the first ones go.
+// - `event`: receives it.
+NVSP_CHECKED
+nvsp_status nvsp_topside_event(struct nvsp_topside *topside, struct nvsp_event *event);
+
+// Has what the pilot looks at get more of the bytes, from the next report on, which is due at once.
+// Fails with NVSP_ERR_ARGUMENT: the rectangle is empty, or not in the picture.
+// - `left`, `top`, `right`, `bottom`: parts of the picture, 0 to 1.
+// - `weight`: how much more an error in it counts, up to 255. 0: there is no region, and the others do not count.
+NVSP_CHECKED
+nvsp_status nvsp_topside_set_region(struct nvsp_topside *topside,
+                                    double left,
+                                    double top,
+                                    double right,
+                                    double bottom,
+                                    uint32_t weight);
+
+// Sets the user bytes of all reports from here on. A report that has no room for them goes without.
+// Fails with NVSP_ERR_ARGUMENT: more than 247.
+// - `user`: the user bytes. NULL only if `size` is 0.
+// - `size`: bytes of `user`, up to 247.
+NVSP_CHECKED
+nvsp_status nvsp_topside_set_user(struct nvsp_topside *topside, const uint8_t *user, size_t size);
 
 #ifdef __cplusplus
 } /* extern "C" */

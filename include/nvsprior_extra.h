@@ -127,25 +127,15 @@ typedef void *(*nvsp_allocate_callback)(void *user, size_t size, size_t alignmen
 // Takes a block back that nvsp_allocate_callback gave, with the size and alignment that it was asked for.
 typedef void (*nvsp_release_callback)(void *user, void *block, size_t size, size_t alignment);
 
-// Where the library takes host memory from.
-typedef struct nvsp_allocator {
-  uint32_t struct_size;
-  uint32_t abi_version;
-  // Gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
-  nvsp_allocate_callback allocate;
-  // Takes it back.
-  nvsp_release_callback release;
-  // Passed to both as it is. What it points to must stay as long as the library is loaded.
-  void *user;
-} nvsp_allocator;
-
 // Sets the functions that the library takes host memory from, for the whole process. Call it before all other
 // functions. You may call it again once all handles are destroyed. The Vulkan loader and driver take theirs as they
 // do, and threads their stacks.
 // Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
-// - `allocator`: the functions.
+// - `allocate`: gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+// - `release`: takes it back.
+// - `user`: passed to both as it is. What it points to must stay as long as the library is loaded.
 NVSP_CHECKED
-nvsp_status nvsp_set_allocator(const struct nvsp_allocator *allocator);
+nvsp_status nvsp_set_allocator(nvsp_allocate_callback allocate, nvsp_release_callback release, void *user);
 
 // ---- The devices there are ----
 
@@ -196,89 +186,79 @@ nvsp_status nvsp_device_get_info(uint32_t number, struct nvsp_device_info *info,
 
 // ---- Counts of both ends of a link ----
 
-// Counts since the sender was made.
-typedef struct nvsp_sender_statistics {
+// Counts since the vehicle was made.
+typedef struct nvsp_vehicle_statistics {
   uint32_t struct_size;
   uint32_t abi_version;
-  // Frames left out: nvsp_sender_plan had no bytes for them.
+  // Frames for which the link had no bytes.
   uint64_t left_out;
   // Packets taken.
   uint64_t packets;
   // Packets of them whose end was not sent.
   uint64_t cut;
-  // Shares of them.
+  // Modem frames of them.
   uint64_t shares;
-  // Bytes of them on the link, the overhead of each share counted.
+  // Bytes of them on the link, the overhead of each counted.
   uint64_t bytes;
-  // Shares that wait now.
+  // Modem frames that wait now.
   uint64_t waiting;
+  // Modem frames that were sent again.
+  uint64_t resent;
+  // With keys: reports that no key has made.
+  uint64_t foreign;
+  // With keys: reports that came a second time.
+  uint64_t replayed;
   // The loss that packets are protected against now.
   double loss;
   // And the mean length of its bursts, modem frames.
   double burst;
   // The bit rate now, bit/s.
   double bit_rate;
-  // Shares that were sent again.
-  uint64_t resent;
-  // With keys: reports that no key has made.
-  uint64_t foreign;
-  // With keys: reports that came a second time.
-  uint64_t replayed;
-  // With keys: the number of the next modem frame. Else 0. See nvsp_keys.number.
-  uint64_t next_number;
-  // With keys: of each stream, the number above all of the reports that came. See nvsp_keys.taken.
-  uint64_t taken[4];
-} nvsp_sender_statistics;
+} nvsp_vehicle_statistics;
 
-// Copies the counts of a sender.
+// Copies the counts of a vehicle.
 // - `statistics`: receives the counts.
 NVSP_CHECKED
-nvsp_status nvsp_sender_get_statistics(struct nvsp_sender *sender, struct nvsp_sender_statistics *statistics);
+nvsp_status nvsp_vehicle_get_statistics(struct nvsp_vehicle *vehicle, struct nvsp_vehicle_statistics *statistics);
 
-// Counts since the collector was made. A packet has gone by once a newer one took its place, or it is stale.
-typedef struct nvsp_collector_statistics {
+// Counts since the topside was made. A packet has gone by once a newer one took its place, or it is stale.
+typedef struct nvsp_topside_statistics {
   uint32_t struct_size;
   uint32_t abi_version;
-  // Shares that were not there before.
+  // Modem frames that were not there before.
   uint64_t accepted;
-  // Shares that were there before.
+  // Modem frames that were.
   uint64_t duplicates;
-  // Modem frames that were no shares, damaged ones, such of packets long past, and shares of unprotected packets
-  // whose first one did not come.
+  // Those that were none of a packet, damaged, of packets long past, and those of unprotected packets whose first
+  // one did not come.
   uint64_t rejected;
-  // Shares that packets gone by had.
+  // Those that packets gone by had.
   uint64_t arrived;
-  // Shares that they were sent in. 1 - arrived / sent is the loss, for nvsp_sender_set_loss. Packets of which no
-  // share came do not count, as a frame that was left out looks the same; nor unprotected ones whose length did not
-  // come.
+  // Those that they were sent in: 1 - arrived / sent is the loss. Packets of which nothing came do not count, as a
+  // frame that was left out looks the same; nor unprotected ones whose length did not come.
   uint64_t sent;
   // Packets that became complete.
   uint64_t completed;
-  // Packets gone by that were complete although shares of them were missing.
+  // Packets gone by that were complete although modem frames of them were missing.
   uint64_t repaired;
   // Packets gone by that yielded a picture, but not all of it.
   uint64_t partial;
   // Packets gone by that yielded no picture, and frame numbers of which nothing came.
   uint64_t lost;
-  // Packets whose own checks did not match what their shares held.
+  // Packets whose own checks did not match what their modem frames held.
   uint64_t damaged;
-  // Shares of unprotected packets that now wait for the first one of their packet.
+  // Modem frames of unprotected packets that now wait for the first one of their packet.
   uint64_t waiting;
   // With keys: modem frames that no key has made. They count nowhere else.
   uint64_t foreign;
   // With keys: modem frames that came a second time. They count nowhere else.
   uint64_t replayed;
-  // With keys: the number of the next report. Else 0. See nvsp_keys.number.
-  uint64_t next_number;
-  // With keys: of each stream, the number above all of the modem frames that came. See nvsp_keys.taken.
-  uint64_t taken[4];
-} nvsp_collector_statistics;
+} nvsp_topside_statistics;
 
-// Copies the counts of a collector.
+// Copies the counts of a topside.
 // - `statistics`: receives the counts.
 NVSP_CHECKED
-nvsp_status nvsp_collector_get_statistics(struct nvsp_collector *collector,
-                                          struct nvsp_collector_statistics *statistics);
+nvsp_status nvsp_topside_get_statistics(struct nvsp_topside *topside, struct nvsp_topside_statistics *statistics);
 
 #ifdef __cplusplus
 } /* extern "C" */

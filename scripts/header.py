@@ -24,8 +24,8 @@ HEADERS = {
         "What an encoder's camera sees": "lens",
         "Decoders": "decoder",
         "How far a picture is from what the camera saw": "truth",
-        "The vehicle's end of a link": "sender",
-        "The topside's end of a link": "collector",
+        "The vehicle's end of a link": "event vehicle",
+        "The topside's end of a link": "topside",
     },
     "nvsprior_extra": {
         "A Vulkan device of yours": "vulkan",
@@ -36,7 +36,7 @@ HEADERS = {
     },
 }
 # Handles: many threads may use one of the first kind at once, one thread at a time one of the second.
-SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|sender|collector)"
+SHARED, OWN = "nvsp_(?:engine|prior|dmabuf)", "nvsp_(?:encoder|decoder|vehicle|topside)"
 ITEM = re.compile(r'^pub (?:unsafe )?(?:extern "C" )?(const|type|struct|fn) (\w+)', re.M)
 
 

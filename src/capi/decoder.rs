@@ -4,13 +4,14 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use crate::keys::{self, Verifier};
+use crate::link::{TopsideLink, Work};
 use crate::packet::{LONGEST_HEAD, PacketError, Parsed, PoseProfile};
 use crate::prior::CoordinateFrame;
 use crate::queue::{Lost, Queue};
 use crate::truth::TruthMap;
-use crate::{Decoded, Decoder, Error, Picture, Trust, packet_bound};
+use crate::{Decoded, Decoder, Error, Picture, Pose, Trust, packet_bound};
 
-use super::engine::nvsp_engine;
+use super::engine::{EngineContent, nvsp_engine};
 use super::handle::{Content, Handle, fence, locked};
 use super::image::{self, nvsp_camera, nvsp_picture, nvsp_pose};
 use super::keys::{keys_of, nvsp_keys, taken_of};
@@ -40,11 +41,13 @@ pub(super) struct Decoding {
     /// What checks packets first, and as it was before the last one; `None`: any packet is taken.
     verifier: Option<Verifier>,
     before: Option<Verifier>,
+    /// A topside's: its packets come by the topside alone.
+    pub is_topsides: bool,
 }
 
 /// What the packets of a decoder share.
 pub(super) struct Core {
-    decoder: Decoder,
+    pub decoder: Decoder,
     /// What nvsp_decoder_draw drew last.
     drawn: Picture,
     /// What is known of the picture that was decoded or drawn last; `None`: there was none yet.
@@ -58,6 +61,9 @@ struct PacketWork {
     /// The packet as it was read, or why it cannot be.
     parsed: Result<Parsed, PacketError>,
     trust: Trust,
+    /// Draw the prior there in place of decoding; whether it was drawn.
+    draw: Option<Pose>,
+    is_drawn: bool,
     decoded: Decoded,
 }
 
@@ -74,20 +80,67 @@ impl Decoding {
             bytes: Vec::new(),
             parsed: Parsed::of(&[]),
             trust: Trust::Whole,
+            draw: None,
+            is_drawn: false,
             decoded: Decoded::default(),
         };
         let own = core.clone();
-        let decode = move |work: &mut PacketWork| decode(&mut *locked(&own)?, work);
+        let decode = move |work: &mut PacketWork| match work.draw {
+            Some(pose) => draw(&mut *locked(&own)?, &pose, work),
+            None => decode(&mut *locked(&own)?, work),
+        };
         let spawn = spawner([c"nvsp-decoder"], start);
         // If nobody takes a picture, nothing is lost: no other picture depends on it.
         let queue = Queue::new(vec![Box::new(decode)], vec![work], Lost::default(), spawn);
-        Decoding { core, queue, before: verifier.clone(), verifier }
+        Decoding { core, queue, before: verifier.clone(), verifier, is_topsides: false }
     }
 
     /// Fails from the beginning of a packet until it is finished or cancelled.
-    fn core(&self) -> Result<MutexGuard<'_, Core>, Failure> {
+    pub(super) fn core(&self) -> Result<MutexGuard<'_, Core>, Failure> {
         self.queue.check_idle()?;
         locked(&self.core)
+    }
+
+    /// Refuses calls that a topside makes itself.
+    fn check_own(&self) -> Result<(), Failure> {
+        let what = "the decoder is a topside's: give that the modem frames";
+        if self.is_topsides { Err(Failure::at(NVSP_ERR_STATE, what)) } else { Ok(()) }
+    }
+
+    /// Begins what a topside's end has to do. `false`: its packet is not held any more.
+    pub(super) fn begin_work(&mut self, work: &Work, link: &TopsideLink) -> Result<bool, Failure> {
+        let Decoding { core, queue, .. } = self;
+        let packet = match *work {
+            Work::Decode { frame, .. } => match link.packet(frame) {
+                Some(packet) => packet.bytes,
+                None => return Ok(false),
+            },
+            Work::Draw { .. } | Work::Ready { .. } => &[],
+        };
+        queue.begin(|slot| {
+            slot.draw = if let Work::Draw { pose, .. } = work { Some(*pose) } else { None };
+            if slot.draw.is_none() {
+                fill(&*locked(core)?, slot, packet, Trust::Start)?;
+                slot.is_drawn = true;
+            }
+            Ok(())
+        })?;
+        Ok(true)
+    }
+
+    /// Gives `take` what came of it: the picture, and whether there is one. `false`: it has not ended.
+    pub(super) fn take_work(
+        &mut self,
+        take: impl FnOnce(&mut Decoded, bool, &Decoder) -> Result<(), Failure>,
+    ) -> Result<bool, Failure> {
+        let core = &self.core;
+        self.queue.take(|slot| take(&mut slot.decoded, slot.is_drawn, &locked(core)?.decoder))
+    }
+
+    /// The picture that was fetched last is that one.
+    pub(super) fn set_truth(&mut self, truth: &TruthMap) -> Result<(), Failure> {
+        locked(&self.core)?.truth.get_or_insert_default().copy(truth);
+        Ok(())
     }
 
     /// Gives `fetch` what is known of the picture that was decoded or drawn last.
@@ -106,9 +159,11 @@ impl Decoding {
             NVSP_DECODE_START => Trust::Start,
             _ => return Err(Failure::argument("flags")),
         };
-        let Decoding { core, queue, verifier, before } = self;
+        self.check_own()?;
+        let Decoding { core, queue, verifier, before, .. } = self;
         let fill = |work: &mut PacketWork| {
             before.clone_from(verifier);
+            work.draw = None;
             let packet = match verifier {
                 Some(verifier) => verifier.verify(packet)?.content,
                 None => packet,
@@ -144,11 +199,12 @@ impl Content for Decoding {
     }
 
     fn cancel(&mut self) -> Result<nvsp_status, Failure> {
+        self.check_own()?;
         Ok(done_or_pending(self.queue.cancel()))
     }
 }
 
-/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_collector_fetch copies it. If the
+/// For nvsp_decode: the bytes are the undamaged start of a packet, as nvsp_topside_packet copies it. If the
 /// difference picture is cut short, the decoder shows what arrived, a coarser picture. Without this flag it shows a
 /// difference picture only if it is whole and its check matches.
 pub const NVSP_DECODE_START: u32 = 1;
@@ -166,6 +222,20 @@ pub const NVSP_DECODED_INTER: u32 = 16;
 pub const NVSP_DECODED_KEPT: u32 = 32;
 /// The picture went through the display filter: see nvsp_decoder_set_filter.
 pub const NVSP_DECODED_FILTERED: u32 = 64;
+
+/// For nvsp_decoded.flags, of a topside: all of the frame's packet came.
+pub const NVSP_DECODED_WHOLE: u32 = 256;
+/// The frame did not come: the prior is drawn at a pose between those of frames that did.
+pub const NVSP_DECODED_BETWEEN: u32 = 512;
+/// It does not follow the one before: the vehicle has begun anew.
+pub const NVSP_DECODED_RESTARTED: u32 = 1024;
+
+/// For nvsp_decoded.clock: `age` is since the frame's packet began to come. It is older by what the link took.
+pub const NVSP_CLOCK_NONE: u32 = 0;
+/// The vehicle counts from the reports that it got: `age` is never too small.
+pub const NVSP_CLOCK_REPORTS: u32 = 1;
+/// The vehicle's own UTC.
+pub const NVSP_CLOCK_VEHICLE: u32 = 2;
 
 /// What decoding a packet yielded besides the picture.
 #[repr(C)]
@@ -191,8 +261,8 @@ pub struct nvsp_decoded {
     pub pose: nvsp_pose,
     /// With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
     pub reference: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// NVSP_CLOCK_*. This and the fields behind `taken` are a topside's; else they are zero.
+    pub clock: u32,
     /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis of the camera (the
     /// prior's unit); else infinite.
     pub position_deviation: f64,
@@ -201,8 +271,22 @@ pub struct nvsp_decoded {
     pub rotation_deviation: f64,
     /// With keys: the number above all of the packets that came. Else 0. See nvsp_keys.taken.
     pub taken: u64,
+    /// In order the frame's time, else when it was fetched; seconds.
+    pub time: f64,
+    /// How old the frame was at that call, seconds: see `clock`.
+    pub age: f64,
+    /// From which age on the picture is old, as the vehicle tells, seconds. Say so to who looks at it.
+    pub old: f64,
+    /// Modem frames of its packet that came.
+    pub arrived: u32,
+    /// Modem frames that it was sent in. 0: not known.
+    pub sent: u32,
+    /// Bytes of its packet that came.
+    pub bytes: u32,
+    /// Zero.
+    pub reserved: u32,
 }
-versioned!(nvsp_decoded, 128);
+versioned!(nvsp_decoded, 168);
 
 /// `pose` is given.
 pub const NVSP_HEADER_POSE: u32 = 4;
@@ -262,15 +346,22 @@ pub extern "C" fn nvsp_decoder_create(
 ) -> nvsp_status {
     nvsp_engine::share(engine, |handle, engine| {
         let decoder = decoder.required("decoder")?;
-        let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
-        let mut decoder_made = Decoder::new(&engine.engine, &scene);
-        decoder_made.set_pixel_limit(engine.how.limits.frame_pixels);
-        let verifier = keys_of(keys)?.map(|keys| Verifier::new(&keys, keys::Content::Packet));
-        let how = &engine.how;
-        let decoding = Decoding::new(decoder_made, how.limits, verifier, how.threads);
-        decoder.write(Handle::boxed(decoding, handle.log()));
+        decoder.write(Handle::boxed(decoding(&engine, prior, keys)?, handle.log()));
         Ok(NVSP_OK)
     })
+}
+
+/// Makes a decoder.
+pub(super) fn decoding(
+    engine: &EngineContent,
+    prior: Option<&nvsp_prior>,
+    keys: In<nvsp_keys>,
+) -> Result<Decoding, Failure> {
+    let scene = nvsp_prior::of(prior, "prior")?.scene_of(engine)?;
+    let mut decoder = Decoder::new(&engine.engine, &scene);
+    decoder.set_pixel_limit(engine.how.limits.frame_pixels);
+    let verifier = keys_of(keys)?.map(|keys| Verifier::new(&keys, keys::Content::Packet));
+    Ok(Decoding::new(decoder, engine.how.limits, verifier, engine.how.threads))
 }
 
 /// Tells the decoder about a camera that packets only name. So a topside that joins late need not
@@ -418,6 +509,7 @@ pub extern "C" fn nvsp_decode_finish(
 ) -> nvsp_status {
     nvsp_decoder::call(decoder, |content| {
         let out = info.optional()?;
+        content.check_own()?;
         content.take(|decoded, keys| fetch(decoded, keys, picture, &out))
     })
 }
@@ -527,17 +619,30 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
 /// The worker of the queue.
 fn decode(core: &mut Core, work: &mut PacketWork) -> Result<(), Failure> {
     let Core { decoder, limits, truth, .. } = core;
-    let PacketWork { bytes, parsed, trust, decoded } = work;
+    let PacketWork { bytes, parsed, trust, decoded, .. } = work;
     let parsed = parsed.as_ref().map_err(|error| {
         decoder.refuse(bytes, error);
         Error::from(error.clone())
     })?;
+    // A topside keeps pictures until their turn: then the buffer is another one.
+    let is_new = decoded.picture.data.is_empty();
     let size = decoder.size_to_prepare(parsed);
+    let size = size.or_else(|| decoder.size_told(parsed).filter(|_| is_new));
     let _memory = size.map(|size| limits.decoder(size)).transpose()?;
     let size = decoder.stream_to_prepare(parsed);
     let _stream = size.map(|size| limits.stream(size)).transpose()?;
     decoder.decode_parsed(parsed, bytes, *trust, decoded)?;
     truth.get_or_insert_default().copy(&decoded.truth);
+    Ok(())
+}
+
+/// Draws the prior at a pose.
+fn draw(core: &mut Core, pose: &Pose, work: &mut PacketWork) -> Result<(), Failure> {
+    let picture = &mut work.decoded.picture;
+    let size = core.decoder.camera().map(|camera| (camera.width, camera.height));
+    let other = size.filter(|size| *size != (picture.width, picture.height));
+    let _memory = other.map(|size| core.limits.decoder(size)).transpose()?;
+    work.is_drawn = core.decoder.draw(pose, picture)?;
     Ok(())
 }
 
@@ -563,33 +668,40 @@ fn fetch(
     picture: Out<nvsp_picture>,
     out: &Checked<nvsp_decoded>,
 ) -> Result<(), Failure> {
-    let render = match decoded.same_render {
-        Some(true) => NVSP_DECODED_SAME_RENDER,
-        Some(false) => NVSP_DECODED_OTHER_RENDER,
-        None => 0,
-    };
     if !picture.is_null() {
         image::write(&decoded.picture, picture)?;
     }
-    out.write(&nvsp_decoded {
+    let taken = keys.map_or(0, |keys| taken_of(keys.seen()));
+    out.write(&nvsp_decoded { taken, ..decoded_of(decoded) });
+    Ok(())
+}
+
+/// What a packet yielded.
+pub(super) fn decoded_of(decoded: &Decoded) -> nvsp_decoded {
+    nvsp_decoded {
         frame: decoded.frame,
         width: decoded.picture.width,
         height: decoded.picture.height,
-        flags: if decoded.uncertain { super::encoder::NVSP_FRAME_UNCERTAIN } else { 0 }
-            | if decoded.known.is_some() { super::encoder::NVSP_FRAME_POSITION_KNOWN } else { 0 }
-            | if decoded.portable { 0 } else { super::encoder::NVSP_FRAME_NOT_PORTABLE }
-            | if decoded.reference.is_some() { NVSP_DECODED_INTER } else { 0 }
-            | if decoded.kept { NVSP_DECODED_KEPT } else { 0 }
-            | if decoded.filtered { NVSP_DECODED_FILTERED } else { 0 }
-            | render,
+        flags: flags_of(decoded),
         rows: decoded.rows,
         position_deviation: decoded.known.map_or(f64::INFINITY, |known| known.position),
         rotation_deviation: decoded.known.map_or(f64::INFINITY, |known| known.rotation),
         damage: decoded.damage.as_ref().map_or(NVSP_OK, of_library),
         pose: image::pose_out(&decoded.pose),
         reference: decoded.reference.unwrap_or(0),
-        taken: keys.map_or(0, |keys| taken_of(keys.seen())[0]),
         ..zeroed()
-    });
-    Ok(())
+    }
+}
+
+/// As nvsp_decoded.flags has them.
+fn flags_of(decoded: &Decoded) -> u32 {
+    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+    flag(decoded.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
+        | flag(decoded.known.is_some(), super::encoder::NVSP_FRAME_POSITION_KNOWN)
+        | flag(!decoded.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)
+        | flag(decoded.reference.is_some(), NVSP_DECODED_INTER)
+        | flag(decoded.kept, NVSP_DECODED_KEPT)
+        | flag(decoded.filtered, NVSP_DECODED_FILTERED)
+        | flag(decoded.same_render == Some(true), NVSP_DECODED_SAME_RENDER)
+        | flag(decoded.same_render == Some(false), NVSP_DECODED_OTHER_RENDER)
 }

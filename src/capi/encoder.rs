@@ -10,7 +10,7 @@ use crate::truth::BLOCK;
 use crate::{Encoded, Encoder, EncoderOptions, Mode, Rate, RenderChecks, Structure, packet_bound};
 
 use super::encoding::{Encoding, GivenFrame, nvsp_encoder};
-use super::engine::nvsp_engine;
+use super::engine::{EngineContent, nvsp_engine};
 use super::frame::{self, nvsp_frame_info};
 use super::handle::Handle;
 use super::image::{self, nvsp_camera, nvsp_image, nvsp_picture, nvsp_pose};
@@ -102,7 +102,7 @@ pub struct nvsp_encoder_options {
     /// topside needs not know.
     pub tune: u32,
     /// Each packet gets a number and a tag by these keys. They take nvsp_keys.tag_bytes and 2 bytes of it; budgets
-    /// count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_sender divides the packets: it gets the
+    /// count them. Read during nvsp_encoder_create. NULL: none, also if an nvsp_vehicle sends the packets: it gets the
     /// keys.
     pub keys: In<nvsp_keys>,
 }
@@ -228,28 +228,39 @@ pub extern "C" fn nvsp_encoder_create(
 ) -> nvsp_status {
     nvsp_engine::share(engine, |handle, engine| {
         let encoder = encoder.required("encoder")?;
-        let scene = nvsp_prior::of(prior, "prior")?.scene_of(&engine)?;
-        let camera = image::camera(camera)?;
         let options = options.read()?;
-        let (pipelined, rate) = (options.pipelined != 0, options.rate);
-        let keys = keys_of(options.keys)?;
-        let authenticator = keys.map(|keys| Authenticator::new(&keys, Content::Packet));
-        let overhead = authenticator.as_ref().map_or(0, Authenticator::overhead);
-        let options = encoder_options(&options, overhead)?;
-        let stream = options.mode != Mode::Intra;
-        let key_frames = scene.key_frames().poses().len();
-        let limits = Limits { stream, key_frames, ..engine.how.limits };
-        let _memory =
-            if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
-        let wanted = options.rate;
-        let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
-        set_rate(&mut made, rate, wanted);
-        let converter = Converter::new(camera.width, camera.height)?;
-        let threads = engine.how.threads;
-        let encoding = Encoding::new(made, converter, limits, pipelined, authenticator, threads);
-        encoder.write(Handle::boxed(encoding, handle.log()));
+        let made = encoding(&engine, prior, camera, &options, |_| {})?;
+        encoder.write(Handle::boxed(made, handle.log()));
         Ok(NVSP_OK)
     })
+}
+
+/// Makes an encoder; `change` has the last word on its options.
+pub(super) fn encoding(
+    engine: &EngineContent,
+    prior: Option<&nvsp_prior>,
+    camera: In<nvsp_camera>,
+    options: &nvsp_encoder_options,
+    change: impl FnOnce(&mut EncoderOptions),
+) -> Result<Encoding, Failure> {
+    let scene = nvsp_prior::of(prior, "prior")?.scene_of(engine)?;
+    let camera = image::camera(camera)?;
+    let (pipelined, rate) = (options.pipelined != 0, options.rate);
+    let keys = keys_of(options.keys)?;
+    let authenticator = keys.map(|keys| Authenticator::new(&keys, Content::Packet));
+    let overhead = authenticator.as_ref().map_or(0, Authenticator::overhead);
+    let mut options = encoder_options(options, overhead)?;
+    change(&mut options);
+    let stream = options.mode != Mode::Intra;
+    let key_frames = scene.key_frames().poses().len();
+    let limits = Limits { stream, key_frames, ..engine.how.limits };
+    let _memory = if pipelined { limits.pipelined(&camera)? } else { limits.encoder(&camera)? };
+    let wanted = options.rate;
+    let mut made = Encoder::new(&engine.engine, &scene, &camera, options)?;
+    set_rate(&mut made, rate, wanted);
+    let converter = Converter::new(camera.width, camera.height)?;
+    let threads = engine.how.threads;
+    Ok(Encoding::new(made, converter, limits, pipelined, authenticator, threads))
 }
 
 fn encoder_options(
@@ -348,6 +359,7 @@ pub extern "C" fn nvsp_encoder_set_rate(
 ) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
         let fields = ["mode", "value: out of the range of `mode`, or not 0"];
+        content.check_own()?;
         let rate = rate(mode, value, content.overhead(), fields)?;
         set_rate(&mut content.core()?.encoder, mode, rate);
         Ok(NVSP_OK)
@@ -529,6 +541,7 @@ pub unsafe extern "C" fn nvsp_encode(
         // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
         let room = unsafe { Room::new(packet, size, written, "packet")? };
         let stats = stats.optional()?;
+        content.check_own()?;
         // SAFETY: the planes are the image's during this call, see `# Safety`.
         content.run(&unsafe { given(image, info)? })?;
         content.take(|encoded, keys| write(encoded, keys, room, &stats))
@@ -576,6 +589,7 @@ pub unsafe extern "C" fn nvsp_encode_begin(
     info: In<nvsp_frame_info>,
 ) -> nvsp_status {
     nvsp_encoder::call(encoder, |content| {
+        content.check_own()?;
         // SAFETY: the planes are the image's during this call, see `# Safety`.
         content.begin(&unsafe { given(image, info)? })?;
         Ok(NVSP_OK)
@@ -605,6 +619,7 @@ pub unsafe extern "C" fn nvsp_encode_finish(
         // SAFETY: `size` bytes stand at `packet`, see `# Safety`.
         let room = unsafe { Room::new(packet, size, written, "packet")? };
         let stats = stats.optional()?;
+        content.check_own()?;
         content.take(|encoded, keys| write(encoded, keys, room, &stats))
     })
 }
@@ -643,7 +658,7 @@ pub extern "C" fn nvsp_encoder_get_picture(
 ///
 /// # Safety
 /// As for [`image::view`].
-unsafe fn given<'a>(
+pub(super) unsafe fn given<'a>(
     image: In<nvsp_image>,
     info: In<nvsp_frame_info>,
 ) -> Result<GivenFrame<'a>, Failure> {

@@ -63,6 +63,8 @@ pub(super) struct Encoding {
     last: Encoded,
     /// Whether there is one.
     full: bool,
+    /// A vehicle's: its frames come by the vehicle alone.
+    pub is_vehicles: bool,
 }
 
 impl Encoding {
@@ -105,6 +107,7 @@ impl Encoding {
             two,
             last: Encoded::with_room(width, height),
             full: false,
+            is_vehicles: false,
         }
     }
 
@@ -144,6 +147,27 @@ impl Encoding {
             Err(_) => known.frame.check(0, None),
         };
         checked.map_err(refused)
+    }
+
+    /// Refuses calls that a vehicle makes itself.
+    pub(super) fn check_own(&self) -> Result<(), Failure> {
+        let what = "the encoder is a vehicle's: give that the frames";
+        if self.is_vehicles { Err(Failure::at(NVSP_ERR_STATE, what)) } else { Ok(()) }
+    }
+
+    /// Frames that may be under way.
+    pub(super) fn room(&self) -> usize {
+        if self.two { 2 } else { 1 }
+    }
+
+    /// Drops all that is under way; whether it has ended.
+    pub(super) fn drop_all(&mut self) -> bool {
+        let ended = self.queue.cancel();
+        if !ended {
+            // A search that is under way ends.
+            self.interrupt.set();
+        }
+        ended
     }
 
     /// Bytes of a packet that its number and its tag take.
@@ -189,12 +213,8 @@ impl Content for Encoding {
     }
 
     fn cancel(&mut self) -> Result<nvsp_status, Failure> {
-        let ended = self.queue.cancel();
-        if !ended {
-            // A search that is under way ends.
-            self.interrupt.set();
-        }
-        Ok(done_or_pending(ended))
+        self.check_own()?;
+        Ok(done_or_pending(self.drop_all()))
     }
 }
 

@@ -1,9 +1,10 @@
 //! The fence between C and the library.
 
+use std::cell::RefCell;
 use std::ffi::{c_char, c_void};
 use std::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use crate::queue::QueueError;
@@ -26,11 +27,14 @@ struct Head {
     failures: Failures,
     /// A pointer to this handle as what it is.
     known: fn(*mut c_void) -> *mut dyn AnyHandle,
+    /// Another handle owns it.
+    is_lent: bool,
 }
 
 /// What can be done with a handle of any kind.
 trait AnyHandle {
     fn failures(&self) -> &Failures;
+    fn is_lent(&self) -> bool;
     fn wait(&self, timeout: Duration) -> nvsp_status;
     fn cancel(&self) -> nvsp_status;
     fn end(self: Box<Self>);
@@ -40,12 +44,12 @@ trait AnyHandle {
 pub(super) trait Content: Sized + 'static {
     /// See [`nvsp_wait`].
     fn wait(&mut self, _: Duration) -> Result<nvsp_status, Failure> {
-        Err(Failure::argument("handle: no encoder, no decoder"))
+        Err(Failure::argument("handle: none that works beside its caller"))
     }
 
     /// See [`nvsp_cancel`].
     fn cancel(&mut self) -> Result<nvsp_status, Failure> {
-        Err(Failure::argument("handle: no encoder, no decoder"))
+        Err(Failure::argument("handle: none that works beside its caller"))
     }
 
     /// Called before the handle ends.
@@ -55,6 +59,10 @@ pub(super) trait Content: Sized + 'static {
 impl<T: Content> AnyHandle for Handle<T> {
     fn failures(&self) -> &Failures {
         &self.head.failures
+    }
+
+    fn is_lent(&self) -> bool {
+        self.head.is_lent
     }
 
     fn wait(&self, timeout: Duration) -> nvsp_status {
@@ -96,6 +104,7 @@ struct LastFailure {
 const TEXT: usize = 512;
 
 /// A text of bounded length: a failure costs no memory.
+#[derive(Clone, Copy)]
 struct Text {
     bytes: [u8; TEXT],
     len: usize,
@@ -128,14 +137,24 @@ impl Text {
 }
 
 impl<T: Content> Handle<T> {
-    /// Makes a handle for C to hold; [`nvsp_destroy`] takes it back.
-    pub(super) fn boxed(content: T, log: Log) -> Box<Handle<T>> {
+    fn new(content: T, log: Log, is_lent: bool) -> Handle<T> {
         let last = Mutex::new(LastFailure { text: Text::EMPTY, times: 0 });
         let head = Head {
             failures: Failures { last, log },
             known: |handle| handle.cast::<Handle<T>>() as *mut dyn AnyHandle,
+            is_lent,
         };
-        Box::new(Handle { head, content: Mutex::new(content) })
+        Handle { head, content: Mutex::new(content) }
+    }
+
+    /// Makes a handle for C to hold; [`nvsp_destroy`] takes it back.
+    pub(super) fn boxed(content: T, log: Log) -> Box<Handle<T>> {
+        Box::new(Handle::new(content, log, false))
+    }
+
+    /// Makes a handle that another one owns: C may use it, and not end it.
+    pub(super) fn lent(content: T, log: Log) -> Arc<Handle<T>> {
+        Arc::new(Handle::new(content, log, true))
     }
 }
 
@@ -151,15 +170,24 @@ impl<T> Handle<T> {
         body: impl FnOnce(&mut T) -> Result<nvsp_status, Failure>,
     ) -> nvsp_status {
         let Some(handle) = handle else { return NVSP_ERR_ARGUMENT };
-        handle.head.failures.fence(|| match handle.content.try_lock() {
-            Ok(mut content) => body(&mut content),
-            Err(TryLockError::WouldBlock) => {
-                Err(Failure::at(NVSP_ERR_BUSY, "another thread is inside a call on it"))
+        handle.head.failures.fence(|| body(&mut *handle.enter()?))
+    }
+
+    /// The content, for this thread alone.
+    pub(super) fn enter(&self) -> Result<MutexGuard<'_, T>, Failure> {
+        self.content.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => {
+                Failure::at(NVSP_ERR_BUSY, "another thread is inside a call on it")
             }
-            Err(TryLockError::Poisoned(_)) => {
-                Err(Failure::at(NVSP_ERR_INTERNAL, "in an earlier call: destroy the handle"))
+            TryLockError::Poisoned(_) => {
+                Failure::at(NVSP_ERR_INTERNAL, "in an earlier call: destroy the handle")
             }
         })
+    }
+
+    /// Keeps and logs a failure that no call returns.
+    pub(super) fn note(&self, failure: &Failure) {
+        self.head.failures.note(failure);
     }
 
     /// Runs a call that several threads may make at once: `body` gets the content as it stands.
@@ -202,13 +230,11 @@ impl<T> Handle<T> {
 impl Failures {
     /// Turns failures and panics into statuses with a text.
     fn fence(&self, body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
-        let failure = match catch_unwind(AssertUnwindSafe(body)) {
-            Ok(Ok(status)) => return status,
-            Ok(Err(failure)) => failure,
-            Err(_) => Failure::at(NVSP_ERR_INTERNAL, "please report it, and destroy the handle"),
-        };
-        self.note(&failure);
-        failure.status()
+        caught(body).unwrap_or_else(|failure| {
+            self.note(&failure);
+            keep(&failure);
+            failure.status()
+        })
     }
 
     /// Keeps a failure's text and logs it. If it is the same as the last one, it is only counted: the log gets a line
@@ -244,13 +270,13 @@ impl Failures {
 }
 
 /// Copies the text of the last failed call on a handle into `text`. An engine's is also that of the last failure to
-/// make a prior, an encoder or a decoder with it. Writes at most `size` bytes, with the NUL at the end. The text is
-/// empty if nothing failed.
+/// make something with it; that of the encoder of a vehicle tells of its last frame that failed. Writes at most `size`
+/// bytes, with the NUL at the end. The text is empty if nothing failed.
 ///
 /// Fails with NVSP_ERR_BUFFER_TOO_SMALL if `size` is 0.
 ///
 /// # Safety
-/// - `handle`: a live handle of any kind.
+/// - `handle`: a live handle of any kind. NULL: the last call that failed on this thread, of any handle or of none.
 /// - `text`: receives the text, ending in NUL.
 /// - `size`: bytes of `text`, 1 or more.
 #[unsafe(no_mangle)]
@@ -261,12 +287,17 @@ pub unsafe extern "C" fn nvsp_last_error(
 ) -> nvsp_status {
     // SAFETY: a live handle, see `# Safety`.
     let handle = unsafe { any(handle.cast_mut()).map(|handle| &*handle) };
-    let Some(handle) = handle.filter(|_| !text.is_null()) else { return NVSP_ERR_ARGUMENT };
+    if text.is_null() {
+        return NVSP_ERR_ARGUMENT;
+    }
     if size == 0 {
         return NVSP_ERR_BUFFER_TOO_SMALL;
     }
-    let last = handle.failures().last.lock().unwrap_or_else(PoisonError::into_inner);
-    let from = &last.text.as_str()[..last.text.as_str().floor_char_boundary(size - 1)];
+    let last = match handle {
+        Some(handle) => handle.failures().last.lock().unwrap_or_else(PoisonError::into_inner).text,
+        None => LAST.with_borrow(|text| *text),
+    };
+    let from = &last.as_str()[..last.as_str().floor_char_boundary(size - 1)];
     // SAFETY: `size` bytes stand at `text`, see `# Safety`; the bytes copied and the NUL are at most as many.
     unsafe {
         text.copy_from_nonoverlapping(from.as_ptr().cast(), from.len());
@@ -281,7 +312,7 @@ pub unsafe extern "C" fn nvsp_last_error(
 /// Fails with NVSP_ERR_STATE if none was begun, or NVSP_ERR_ARGUMENT (another handle).
 ///
 /// # Safety
-/// - `handle`: an encoder or a decoder.
+/// - `handle`: an encoder or a decoder; a vehicle: its first frame that is coded; a topside: what it decodes.
 /// - `milliseconds`: the longest to wait; 0 does not wait.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_wait(handle: *mut c_void, milliseconds: u32) -> nvsp_status {
@@ -303,7 +334,7 @@ pub unsafe extern "C" fn nvsp_wait(handle: *mut c_void, milliseconds: u32) -> nv
 /// Fails with NVSP_ERR_ARGUMENT (another handle).
 ///
 /// # Safety
-/// - `handle`: an encoder or a decoder.
+/// - `handle`: an encoder or a decoder; those of a vehicle and a topside are these handles' own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_cancel(handle: *mut c_void) -> nvsp_status {
     // SAFETY: a live handle, see `# Safety`.
@@ -313,7 +344,8 @@ pub unsafe extern "C" fn nvsp_cancel(handle: *mut c_void) -> nvsp_status {
 
 /// Ends a handle of any kind. What was made with it goes on to work: the last such handle frees what they share, and
 /// closes the device, unless you gave it. Waits for a frame or a packet that was begun, at most as long as the watchdog
-/// allows. Shares that wait in a sender are lost.
+/// allows. Modem frames that wait in a vehicle are lost. Encoder and decoder that a vehicle or a topside has handed out
+/// end with these: on them the call does nothing.
 ///
 /// # Safety
 /// - `handle`: a live handle, which no thread uses. NULL: nothing is done.
@@ -321,11 +353,14 @@ pub unsafe extern "C" fn nvsp_cancel(handle: *mut c_void) -> nvsp_status {
 pub unsafe extern "C" fn nvsp_destroy(handle: *mut c_void) {
     // There is nobody left to report a panic while dropping.
     let _ = catch_unwind(AssertUnwindSafe(|| {
-        // SAFETY: a live handle, see `# Safety`: `Handle::boxed` made the box, and nobody uses it afterwards.
-        let handle = unsafe { any(handle).map(|handle| Box::from_raw(handle)) };
-        if let Some(handle) = handle {
-            handle.end();
+        // SAFETY: a live handle, see `# Safety`.
+        let Some(handle) = (unsafe { any(handle) }) else { return };
+        // SAFETY: as before.
+        if unsafe { (*handle).is_lent() } {
+            return;
         }
+        // SAFETY: `Handle::boxed` made the box, as it is not lent, and nobody uses it afterwards, see `# Safety`.
+        unsafe { Box::from_raw(handle) }.end();
     }));
 }
 
@@ -334,10 +369,29 @@ pub(super) fn locked<T>(content: &Mutex<T>) -> Result<MutexGuard<'_, T>, Failure
     content.lock().map_err(|_| QueueError::Poisoned.into())
 }
 
+thread_local! {
+    /// The text of the last failure on this thread.
+    static LAST: RefCell<Text> = const { RefCell::new(Text::EMPTY) };
+}
+
+/// Keeps a failure's text for this thread.
+fn keep(failure: &Failure) {
+    let text = Text::of(format_args!("{failure}"));
+    LAST.with_borrow_mut(|last| *last = text);
+}
+
 /// Runs a call that has no handle to keep a text in.
 pub(super) fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp_status {
-    let caught = catch_unwind(AssertUnwindSafe(body));
-    caught.map_or(NVSP_ERR_INTERNAL, |done| done.unwrap_or_else(|failure| failure.status()))
+    caught(body).unwrap_or_else(|failure| {
+        keep(&failure);
+        failure.status()
+    })
+}
+
+fn caught<T>(body: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|_| {
+        Err(Failure::at(NVSP_ERR_INTERNAL, "please report it, and destroy the handle"))
+    })
 }
 
 #[cfg(test)]
@@ -416,6 +470,9 @@ mod tests {
             let this = (&raw const *handle).cast();
             assert_eq!(nvsp_last_error(this, null_mut(), 9), NVSP_ERR_ARGUMENT);
             assert_eq!(nvsp_last_error(null(), null_mut(), 9), NVSP_ERR_ARGUMENT);
+            let mut text = [1u8; 9];
+            assert_eq!(nvsp_last_error(null(), text.as_mut_ptr().cast(), 9), NVSP_OK);
+            assert_eq!(&text, b"an argum\0", "of this thread's last failure");
         }
     }
 }

@@ -10,8 +10,8 @@ use super::structs::{In, versioned};
 pub const NVSP_KEY_BYTES: usize = 32;
 
 /// Keys that both sides hold. What goes to the other side gets 2 bytes of number and a tag in front. What comes without
-/// the right tag, or a second time, is refused before anything else of it is read. If an nvsp_sender divides the
-/// packets, give the keys to it and to the nvsp_collector, else to encoder and decoder. Example:
+/// the right tag, or a second time, is refused before anything else of it is read. On a link give the keys to
+/// nvsp_vehicle and nvsp_topside, else to encoder and decoder. Example:
 ///
 /// ```c
 /// nvsp_keys keys = NVSP_INITIALIZER(nvsp_keys);
@@ -34,16 +34,16 @@ pub struct nvsp_keys {
     pub tag_bytes: u32,
     /// Both sides need the same, and nothing of another epoch passes: count the dives, for example.
     pub epoch: u64,
-    /// Number of the first thing that this side sends, below 2^48. A side that starts again within an epoch goes on
-    /// with `next_number` of nvsp_frame_stats, nvsp_sender_statistics or nvsp_collector_statistics: numbers that the
-    /// other side has taken are refused. Two encoders need other keys, or other epochs.
+    /// Number of the first thing that this side sends, below 2^48. An encoder that starts again within an epoch goes on
+    /// with nvsp_frame_stats.next_number: numbers that the other side has taken are refused. Two encoders need other
+    /// keys, or other epochs. The state of a vehicle or a topside knows it.
     pub number: u64,
-    /// Of each stream: numbers below this one count as taken, by the first key. A side that starts again within an
-    /// epoch gives what `taken` of nvsp_collector_statistics or nvsp_sender_statistics told, or in the first place
-    /// nvsp_decoded.taken. Without it, what came before may pass once more until something newer has come. 0: none.
-    pub taken: [u64; 4],
+    /// Numbers below this one count as taken, by the first key. A decoder that starts again within an epoch gets what
+    /// nvsp_decoded.taken told. Without it, what came before may pass once more until something newer has come. The
+    /// state of a vehicle or a topside knows it. 0: none.
+    pub taken: u64,
 }
-versioned!(nvsp_keys, 72);
+versioned!(nvsp_keys, 48);
 
 /// The keys; `None`: NULL.
 pub(super) fn keys_of(given: In<nvsp_keys>) -> Result<Option<Keys>, Failure> {
@@ -62,23 +62,13 @@ pub(super) fn keys_of(given: In<nvsp_keys>) -> Result<Option<Keys>, Failure> {
         keys = keys.with_tag_bytes(given.tag_bytes as usize)?;
     }
     let first = keys.ids().next();
-    let taken = (0..).zip(given.taken).filter_map(|(stream, below)| {
-        Some(Seen { key: first?, stream, number: below.checked_sub(1)? })
-    });
+    let taken = first.zip(given.taken.checked_sub(1));
+    let taken = taken.map(|(key, number)| Seen { key, stream: 0, number });
     Ok(Some(keys.with_seen(taken)))
 }
 
 /// As nvsp_keys.taken has it.
-pub(super) fn taken_of(seen: impl Iterator<Item = Seen>) -> [u64; 4] {
-    let mut taken = [0; 4];
-    let mut first = None;
-    // Those of the first key come first.
-    for seen in seen {
-        if *first.get_or_insert(seen.key) == seen.key
-            && let Some(place) = taken.get_mut(usize::from(seen.stream))
-        {
-            *place = seen.number + 1;
-        }
-    }
-    taken
+pub(super) fn taken_of(mut seen: impl Iterator<Item = Seen>) -> u64 {
+    // That of the first key comes first.
+    seen.next().map_or(0, |seen| seen.number + 1)
 }

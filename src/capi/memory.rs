@@ -9,10 +9,11 @@
 //! The allocator stands only in the C library, which cargo-c builds with `cfg(cargo_c)`. Rust programs choose their
 //! own.
 
-use super::allocator::nvsp_allocator;
+use std::ffi::c_void;
+
+use super::allocator::{nvsp_allocate_callback, nvsp_release_callback};
 use super::handle::fence;
 use super::status::*;
-use super::structs::In;
 
 /// Sets the functions that the library takes host memory from, for the whole process. Call it before all other
 /// functions. You may call it again once all handles are destroyed. The Vulkan loader and driver take theirs as they
@@ -21,18 +22,25 @@ use super::structs::In;
 /// Fails with NVSP_ERR_ARGUMENT (one callback without the other), or NVSP_ERR_STATE if the library holds memory.
 ///
 /// # Parameters
-/// - `allocator`: the functions.
+/// - `allocate`: gives memory. NULL: both callbacks are NULL, and the C library's functions are used.
+/// - `release`: takes it back.
+/// - `user`: passed to both as it is. What it points to must stay as long as the library is loaded.
 #[unsafe(no_mangle)]
-pub extern "C" fn nvsp_set_allocator(allocator: In<nvsp_allocator>) -> nvsp_status {
+pub extern "C" fn nvsp_set_allocator(
+    allocate: nvsp_allocate_callback,
+    release: nvsp_release_callback,
+    user: *mut c_void,
+) -> nvsp_status {
     fence(|| {
-        let allocator = allocator.required()?;
-        if allocator.allocate.is_some() != allocator.release.is_some() {
-            return Err(Failure::argument("nvsp_allocator: one callback without the other"));
+        if allocate.is_some() != release.is_some() {
+            return Err(Failure::argument("allocate, release: one without the other"));
         }
         #[cfg(cargo_c)]
-        if arena::source::set(&allocator) {
+        if arena::source::set(allocate, release, user) {
             return Ok(NVSP_OK);
         }
+        #[cfg(not(cargo_c))]
+        let _ = user;
         Err(Failure::at(NVSP_ERR_STATE, "the library holds memory"))
     })
 }

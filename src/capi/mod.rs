@@ -7,13 +7,13 @@
 #![allow(non_camel_case_types)] // C's names.
 
 mod allocator;
-mod collector;
 mod decoder;
 mod device;
 mod dmabuf;
 mod encoder;
 mod encoding;
 mod engine;
+mod event;
 mod frame;
 mod handle;
 mod image;
@@ -24,12 +24,13 @@ mod log;
 mod memory;
 mod modifier;
 mod prior;
-mod sender;
 mod slices;
 mod statistics;
 mod status;
 mod structs;
 mod thread;
+mod topside;
 mod truth;
+mod vehicle;
 mod version;
 mod vulkan;

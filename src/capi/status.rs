@@ -4,6 +4,7 @@ use std::ffi::{CStr, c_char};
 
 use crate::image::PixelError;
 use crate::keys::{KeyError, Refusal};
+use crate::link::LinkError;
 use crate::modem::ModemError;
 use crate::queue::QueueError;
 use crate::{ErrorKind, vulkan};
@@ -29,8 +30,8 @@ pub const NVSP_ERR_BUFFER_TOO_SMALL: nvsp_status = -3;
 pub const NVSP_ERR_BUSY: nvsp_status = -4;
 /// There is nothing to finish or to fetch.
 pub const NVSP_ERR_STATE: nvsp_status = -5;
-/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a sender: too many
-/// shares wait.
+/// A frame or a packet that was begun on this handle is not finished: finish it, or cancel it. Of a vehicle: too many
+/// modem frames wait.
 pub const NVSP_ERR_UNFINISHED: nvsp_status = -6;
 /// A fault of the library itself, in this call or an earlier one. Destroy the handle, and report the fault.
 pub const NVSP_ERR_INTERNAL: nvsp_status = -7;
@@ -54,9 +55,11 @@ pub const NVSP_ERR_PRIOR: nvsp_status = -14;
 pub const NVSP_ERR_IMAGE: nvsp_status = -15;
 /// The first frame came without a pose to start from, and the prior has no key frames. Give a hint.
 pub const NVSP_ERR_NO_START: nvsp_status = -16;
-/// The byte budget does not even hold the pose, or a packet's shares do not. Give more bytes, or leave the frame out.
+/// The byte budget does not even hold the pose, or a packet's modem frames do not. Give more bytes, or leave the frame
+/// out.
 pub const NVSP_ERR_BUDGET: nvsp_status = -17;
-/// The bytes are no packet, or its latent part is damaged. Drop it.
+/// The bytes are no packet, no modem frame of the vehicle and no report for it, or they are damaged or too late, or
+/// longer than the modem frames hold. Drop them.
 pub const NVSP_ERR_PACKET: nvsp_status = -18;
 /// The packet is about another prior than the one at hand: open that one. Or one before was, or its render was another,
 /// and this one does not state its prior: wait for one that does.
@@ -68,17 +71,15 @@ pub const NVSP_ERR_CAMERA_UNKNOWN: nvsp_status = -20;
 /// A packet, a modem frame, a difference picture or a prior's file is of a newer format than this library knows, or
 /// looks like one by chance. Update this side.
 pub const NVSP_ERR_NEWER: nvsp_status = -21;
-/// The bytes are no modem frame of a packet, or the packet does not fit the modem. Drop them.
-pub const NVSP_ERR_MODEM: nvsp_status = -22;
 /// No key that is held has made the tag: of a stranger or of another epoch, or damaged. Drop it.
-pub const NVSP_ERR_FOREIGN: nvsp_status = -23;
+pub const NVSP_ERR_FOREIGN: nvsp_status = -22;
 /// It has the right tag, and comes a second time. Drop it; many tell of a stranger.
-pub const NVSP_ERR_REPLAYED: nvsp_status = -24;
+pub const NVSP_ERR_REPLAYED: nvsp_status = -23;
 /// The difference picture is damaged or cut short. Only nvsp_decoded.damage has it.
-pub const NVSP_ERR_RESIDUAL: nvsp_status = -25;
+pub const NVSP_ERR_RESIDUAL: nvsp_status = -24;
 /// The reference frame of a difference picture is missing, came in part, or is of another stream. Only
 /// nvsp_decoded.damage has it.
-pub const NVSP_ERR_REFERENCE: nvsp_status = -26;
+pub const NVSP_ERR_REFERENCE: nvsp_status = -25;
 
 /// Says in a few English words what a status means. The text is static and never NULL, even if the number is no status.
 ///
@@ -114,7 +115,6 @@ fn text(status: nvsp_status) -> &'static CStr {
         NVSP_ERR_OTHER_PRIOR => c"the packet is about another prior",
         NVSP_ERR_CAMERA_UNKNOWN => c"the packet's prior and camera are not known",
         NVSP_ERR_NEWER => c"of a newer format than this library knows",
-        NVSP_ERR_MODEM => c"no modem frame of a packet",
         NVSP_ERR_FOREIGN => c"no key that is held has made it",
         NVSP_ERR_REPLAYED => c"it comes a second time",
         NVSP_ERR_RESIDUAL => c"the difference picture is damaged",
@@ -149,9 +149,12 @@ pub(super) enum Failure {
     /// An error of the library.
     #[error(transparent)]
     Library(#[from] crate::Error),
-    /// An error of sending or collecting.
+    /// An end of a link refuses what it is given.
     #[error(transparent)]
-    Modem(#[from] ModemError),
+    Link(#[from] LinkError),
+    /// An end of a link cannot be made.
+    #[error(transparent)]
+    Options(LinkError),
     /// Keys that cannot be used.
     #[error(transparent)]
     Keys(#[from] KeyError),
@@ -181,10 +184,21 @@ impl Failure {
             Failure::Memory { .. } => NVSP_ERR_MEMORY,
             Failure::Modifier(_) => NVSP_ERR_UNSUPPORTED,
             Failure::Library(error) => of_library(error),
-            Failure::Modem(error) => of_kind(error.kind()),
+            Failure::Link(error) => of_kind(error.kind()),
+            Failure::Options(error) => match error.kind() {
+                // Modem and keys are what they are: the option is wrong.
+                ErrorKind::Modem | ErrorKind::State | ErrorKind::Budget => NVSP_ERR_ARGUMENT,
+                kind => of_kind(kind),
+            },
             Failure::Keys(error) => of_kind(error.kind()),
             Failure::Refused(refusal) => of_kind(refusal.kind()),
         }
+    }
+}
+
+impl From<ModemError> for Failure {
+    fn from(error: ModemError) -> Failure {
+        Failure::Link(error.into())
     }
 }
 
@@ -227,14 +241,13 @@ fn of_kind(kind: ErrorKind) -> nvsp_status {
         ErrorKind::Prior => NVSP_ERR_PRIOR,
         ErrorKind::NoStart => NVSP_ERR_NO_START,
         ErrorKind::Budget => NVSP_ERR_BUDGET,
-        ErrorKind::Packet => NVSP_ERR_PACKET,
+        ErrorKind::Packet | ErrorKind::Modem => NVSP_ERR_PACKET,
         ErrorKind::OtherPrior => NVSP_ERR_OTHER_PRIOR,
         ErrorKind::SessionUnknown => NVSP_ERR_CAMERA_UNKNOWN,
         ErrorKind::Residual => NVSP_ERR_RESIDUAL,
         ErrorKind::Reference => NVSP_ERR_REFERENCE,
         ErrorKind::Newer => NVSP_ERR_NEWER,
         ErrorKind::Unsupported => NVSP_ERR_UNSUPPORTED,
-        ErrorKind::Modem => NVSP_ERR_MODEM,
         ErrorKind::Foreign => NVSP_ERR_FOREIGN,
         ErrorKind::Replayed => NVSP_ERR_REPLAYED,
         ErrorKind::State => NVSP_ERR_STATE,

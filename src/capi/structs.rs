@@ -96,6 +96,11 @@ pub(super) fn zeroed<T: Versioned>() -> T {
 pub struct In<T>(*const T);
 
 impl<T: Versioned> In<T> {
+    /// No structure.
+    pub(super) fn none() -> In<T> {
+        In(std::ptr::null())
+    }
+
     pub(super) fn is_null(self) -> bool {
         self.0.is_null()
     }

@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn the_flags_of_a_structure_are_numbered_from_one() {
-        use super::super::{collector, decoder, encoder, engine, frame, prior, sender};
+        use super::super::{decoder, encoder, engine, frame, prior, vehicle};
         let shared = [encoder::NVSP_FRAME_UNCERTAIN, encoder::NVSP_FRAME_NOT_PORTABLE];
         let of_frame = |own: &[u32]| [&shared[..], own].concat();
         let structures = [
@@ -58,8 +58,16 @@ mod tests {
                 prior::NVSP_PRIOR_ANTIALIASED,
                 prior::NVSP_PRIOR_BACKGROUND,
             ],
-            vec![sender::NVSP_SENDER_EXPECT_REPORTS, sender::NVSP_SENDER_UNPROTECTED],
-            vec![collector::NVSP_COLLECTOR_MODEM_CHECKS],
+            vec![
+                vehicle::NVSP_LINK_UTC,
+                vehicle::NVSP_LINK_NO_REPORTS,
+                vehicle::NVSP_LINK_PULL,
+                vehicle::NVSP_LINK_AS_THEY_COME,
+                vehicle::NVSP_LINK_UNPROTECTED,
+                vehicle::NVSP_LINK_NO_STAMPS,
+                vehicle::NVSP_LINK_STATE_POSES,
+                vehicle::NVSP_LINK_MODEM_CHECKS,
+            ],
         ];
         for flags in structures {
             for (place, flag) in flags.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Why an end of a link cannot be made, or refuses what it is given.
 
-use crate::Error;
 use crate::keys::KeyError;
 use crate::modem::ModemError;
+use crate::{Error, ErrorKind};
 
 /// Why an end of a link cannot be made, or refuses what it is given.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +29,18 @@ pub enum LinkError {
 }
 
 impl LinkError {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            LinkError::Modem(error) => error.kind(),
+            LinkError::Picture(error) => error.kind(),
+            LinkError::Key(_)
+            | LinkError::Option { .. }
+            | LinkError::State { .. }
+            | LinkError::Epoch { .. } => ErrorKind::Argument,
+        }
+    }
+
     pub(super) fn option(
         option: &'static str,
         found: impl ToString,

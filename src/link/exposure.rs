@@ -81,10 +81,16 @@ fn word(user: &[u8]) -> Option<u16> {
 }
 
 /// The topside's clock, as the vehicle knows it.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct TopsideClock {
     /// Of the last reports: topside's time less vehicle's, modulo [`PERIOD`].
     differences: VecDeque<f64>,
+}
+
+impl Default for TopsideClock {
+    fn default() -> TopsideClock {
+        TopsideClock { differences: VecDeque::with_capacity(REPORTS + 1) }
+    }
 }
 
 impl TopsideClock {

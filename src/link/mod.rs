@@ -82,5 +82,12 @@ pub use topside_link::{DuePacket, TopsideLink, Worth};
 pub use vehicle::{CameraFrame, Vehicle};
 pub use vehicle_link::{PlannedFrame, VehicleLink};
 
+// The C library decodes on a thread of its own.
+#[cfg(feature = "capi")]
+pub(crate) use {
+    playout::number_of,
+    screen::{Done, Screen, Work},
+};
+
 #[cfg(test)]
 mod tests;

@@ -307,6 +307,11 @@ impl TopsideOptions {
                 return Err(LinkError::option("playout.frame_rate", rate, "positive and finite"));
             }
         }
+        if let Some(age) = self.age
+            && !(age > 0.0 && age.is_finite())
+        {
+            return Err(LinkError::option("age", age, "positive and finite"));
+        }
         if self.stream >= crate::modem::STREAMS {
             return Err(ModemError::Stream(self.stream).into());
         }

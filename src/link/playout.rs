@@ -9,7 +9,7 @@ use crate::modem::Collector;
 
 /// A frame that goes on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Due {
+pub(crate) struct Due {
     /// Frame number, counted on beyond 2¹⁶.
     pub frame: i64,
     /// The frame's time, seconds.
@@ -248,7 +248,7 @@ impl Schedule {
 }
 
 /// A frame number as packets state it.
-pub(super) fn number_of(frame: i64) -> u32 {
+pub(crate) fn number_of(frame: i64) -> u32 {
     frame.rem_euclid(FRAMES) as u32
 }
 

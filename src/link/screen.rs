@@ -51,7 +51,7 @@ pub struct Shown {
 
 /// Something for the decoder.
 #[derive(Clone, Debug)]
-pub(super) enum Work {
+pub(crate) enum Work {
     /// Decode what there is of a frame's packet. With `due` it is shown in its turn.
     Decode { frame: u32, due: Option<Due> },
     /// Draw the prior for a frame that did not come.
@@ -83,7 +83,7 @@ impl Work {
 }
 
 /// What came of work.
-pub(super) enum Done {
+pub(crate) enum Done {
     /// There is a picture to show.
     Picture(Shown),
     Nothing,
@@ -100,7 +100,7 @@ const ANEW: f64 = 4.0;
 const REACH: f64 = 3.0;
 const MOST_BETWEEN: i64 = 32;
 
-pub(super) struct Screen {
+pub(crate) struct Screen {
     playout: Playout,
     /// Seconds after which another packet may have the same number.
     stale: f64,
@@ -163,8 +163,8 @@ impl Screen {
             has_whole: false,
             kept: set(),
             agenda: set(),
-            ready: Vec::new(),
-            spare: Vec::new(),
+            ready: Vec::with_capacity(PACKETS + 1),
+            spare: Vec::with_capacity(PACKETS + 1),
             shown: None,
             certain: None,
             turn: None,

@@ -269,17 +269,17 @@ impl TopsideLink {
     ///
     /// # Errors
     /// If it is not finite.
-    pub(super) fn at(&mut self, now: f64) -> Result<f64, ModemError> {
+    pub(crate) fn at(&mut self, now: f64) -> Result<f64, ModemError> {
         self.timeline.at(now)
     }
 
     /// The time of the last call.
-    pub(super) fn last(&self) -> f64 {
+    pub(crate) fn last(&self) -> f64 {
         self.timeline.last()
     }
 
     /// A time by the caller's clock.
-    pub(super) fn told(&self, time: f64) -> f64 {
+    pub(crate) fn told(&self, time: f64) -> f64 {
         self.timeline.told(time)
     }
 

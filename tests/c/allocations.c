@@ -1,4 +1,4 @@
-// After the first frame, encoding, sending, collecting, repair of losses and decoding take nothing from the heap within
+// After the first frame, encoding, both ends of a link, repair of losses and decoding take nothing from the heap within
 // libnvsprior.so. The test prints what loader and driver take.
 //
 // This program's own malloc, calloc and so on replace the C library's. They count a call for the library that makes it.
@@ -96,44 +96,44 @@ static long stop_counting(const char *what) {
     return own;
 }
 
-static nvsp_sender *sender, *unprotected;
-static nvsp_collector *collector, *clean;
+static nvsp_vehicle *vehicle, *unprotected;
+static nvsp_topside *topside, *clean;
 static uint8_t sent[8192], arrived[8192];
 static uint8_t *pixels;
 
-// The same packet as shares, some of which are lost.
+// The same packet over a link that loses some of it.
 static void lossy_way(int number, size_t size) {
     const double now = number / 2.0;
     uint32_t budget = 0, lost = 0;
-    uint8_t share[64], bits[32];
+    uint8_t frame[64];
     size_t written = 0;
-    nvsp_collected state;
-    nvsp_collector_statistics statistics;
-    MUST(NVSP_INIT(&state));
-    MUST(NVSP_INIT(&statistics));
-    MUST(nvsp_sender_plan(sender, now, &budget));
-    if (budget == 0) {
+    nvsp_decoded known = NVSP_INITIALIZER(nvsp_decoded);
+    nvsp_event event = NVSP_INITIALIZER(nvsp_event);
+    nvsp_topside_statistics statistics = NVSP_INITIALIZER(nvsp_topside_statistics);
+    if (nvsp_vehicle_plan(vehicle, now, now, NULL, &budget) != NVSP_OK) {
         return;
     }
-    MUST(nvsp_sender_push(sender, now, sent, size, NULL, 0, NULL));
-    while (nvsp_sender_next(sender, now, share, sizeof share, &written) == NVSP_OK) {
+    MUST(nvsp_vehicle_packet(vehicle, now, sent, size, NULL, 0));
+    while (nvsp_vehicle_transmit(vehicle, now, sizeof frame, frame, &written, NULL) == NVSP_OK) {
         if (lost++ % 5 == (uint32_t)number % 5) {
             continue;
         }
-        MUST(nvsp_collector_push(collector, now, share, written, &state));
+        MUST(nvsp_topside_receive(topside, now, frame, written));
         // Twice, and damaged: it is refused, with a text.
-        MUST(nvsp_collector_push(collector, now, share, written, NULL));
-        share[written - 1] ^= 1;
-        CHECK(nvsp_collector_push(collector, now, share, written, NULL) == NVSP_ERR_MODEM);
+        MUST(nvsp_topside_receive(topside, now, frame, written));
+        frame[written - 1] ^= 1;
+        CHECK(nvsp_topside_receive(topside, now, frame, written) == NVSP_ERR_PACKET);
     }
-    if (nvsp_collector_newest(collector, 0, &state) == NVSP_OK) {
-        MUST(nvsp_collector_fetch(collector, 0, state.frame, arrived, sizeof arrived, &written, &state));
-        MUST(nvsp_collector_arrived(collector, 0, state.frame, bits, sizeof bits, &lost));
-        MUST(nvsp_collector_missing(collector, 0, state.frame, NULL, 0, &lost));
+    if (nvsp_topside_packet(topside, now, arrived, sizeof arrived, &written, &known) == NVSP_OK) {
         MUST(nvsp_decode(both.decoder, arrived, written, NVSP_DECODE_START, NULL, NULL));
     }
-    MUST(nvsp_collector_get_statistics(collector, &statistics));
-    MUST(nvsp_sender_set_loss(sender, number % 2 ? 0.3 : 0.1, 2));
+    if (nvsp_topside_report(topside, now, frame, sizeof frame, &written, NULL) == NVSP_OK) {
+        MUST(nvsp_vehicle_receive(vehicle, now, frame, written));
+    }
+    while (nvsp_vehicle_event(vehicle, &event) == NVSP_OK || nvsp_topside_event(topside, &event) == NVSP_OK) {
+    }
+    MUST(nvsp_topside_get_statistics(topside, &statistics));
+    MUST(nvsp_vehicle_set_link(vehicle, now, -1, number % 2 ? 0.3 : 0.1, 2));
     memcpy(arrived, sent, size);
 }
 
@@ -158,14 +158,13 @@ static void whole_way(int number) {
         MUST(nvsp_encode(both.encoder, &image, with_hint(hint), sent, sizeof sent, &size, &stats));
     }
     MUST(nvsp_encoder_get_picture(both.encoder, NVSP_PICTURE_SHOWN, &place));
-    MUST(nvsp_sender_push(unprotected, 0, sent, size, NULL, 0, NULL));
+    MUST(nvsp_vehicle_packet(unprotected, 0, sent, size, NULL, 0));
     uint8_t frame[64];
     size_t written = 0;
-    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
-    while (nvsp_sender_next(unprotected, 0, frame, sizeof frame, &written) == NVSP_OK) {
-        MUST(nvsp_collector_push(clean, 0, frame, written, &state));
+    while (nvsp_vehicle_transmit(unprotected, 0, sizeof frame, frame, &written, NULL) == NVSP_OK) {
+        MUST(nvsp_topside_receive(clean, 0, frame, written));
     }
-    MUST(nvsp_collector_fetch(clean, 0, state.frame, arrived, sizeof arrived, &size, NULL));
+    MUST(nvsp_topside_packet(clean, 0, arrived, sizeof arrived, &size, NULL));
     lossy_way(number, size);
     MUST(nvsp_decode_header(arrived, size, both.prior, &header));
     if (number % 2) {
@@ -213,6 +212,54 @@ static void two_at_once(void) {
     both.decoder = NULL;
 }
 
+// Both ends with pixels: frames in, pictures out, with acknowledged reference frames, losses and reports.
+static void both_ends(void) {
+    const nvsp_vehicle_options sends = vehicle_options(64, 40000, 4);
+    nvsp_topside_options receives = topside_options(64);
+    nvsp_encoder_options encodes = NVSP_INITIALIZER(nvsp_encoder_options);
+    encodes.mode = NVSP_MODE_ACKNOWLEDGED;
+    encodes.camera_interval = 10;
+    nvsp_vehicle *up = NULL;
+    nvsp_topside *down = NULL;
+    MUST(nvsp_vehicle_create(both.engine, both.prior, &dive.camera, &encodes, &sends, &up));
+    MUST(nvsp_topside_create(both.engine, both.prior, &receives, &down));
+    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
+    long pictures = 0, lost = 0;
+    for (int k = 0; k < 60; k++) {
+        const double now = k / 4.0;
+        const nvsp_image image = scene_image(&dive, 0);
+        if (k == 20) {
+            start_counting();
+        }
+        if (nvsp_vehicle_frame(up, now, &image, with_hint(k == 0 ? &dive.poses[0] : NULL), NULL, 0) == NVSP_OK) {
+            MUST(nvsp_wait(up, 60000));
+        }
+        uint8_t bytes[64];
+        size_t size = 0;
+        while (nvsp_vehicle_transmit(up, now + 0.2, sizeof bytes, bytes, &size, NULL) == NVSP_OK) {
+            if (lost++ % 7 > 0) {
+                MUST(nvsp_topside_receive(down, now + 0.2, bytes, size));
+            }
+        }
+        nvsp_status status;
+        nvsp_decoded known = NVSP_INITIALIZER(nvsp_decoded);
+        do {
+            status = nvsp_topside_picture(down, now + 0.2, &place, &known);
+            pictures += status == NVSP_OK;
+        } while (status == NVSP_OK || nvsp_wait(down, 60000) == NVSP_OK);
+        if (nvsp_topside_report(down, now + 0.2, bytes, sizeof bytes, &size, NULL) == NVSP_OK) {
+            MUST(nvsp_vehicle_receive(up, now + 0.2, bytes, size));
+        }
+        nvsp_event event = NVSP_INITIALIZER(nvsp_event);
+        while (nvsp_vehicle_event(up, &event) == NVSP_OK || nvsp_topside_event(down, &event) == NVSP_OK) {
+        }
+    }
+    CHECK(stop_counting("both ends of a link, with pixels") == 0);
+    CHECK(pictures > 30);
+    nvsp_destroy(up);
+    nvsp_destroy(down);
+}
+
 int main(int argc, char **argv) {
     read_dive(argc, argv);
     pixels = malloc(dive.size);
@@ -234,19 +281,15 @@ int main(int argc, char **argv) {
         options.camera_interval = 10;
         options.mode = i == 3 ? NVSP_MODE_CHAIN : NVSP_MODE_INTRA;
         rig_add(&both, &dive.camera, &options);
-        nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
-        link.bit_rate = 20000;
-        link.frame_rate = 2;
-        link.spread = 0.6;
-        link.shares = 32;
-        MUST(nvsp_sender_create(64, &link, &sender));
-        MUST(nvsp_collector_create(64, NULL, &collector));
-        nvsp_sender_options plain = NVSP_INITIALIZER(nvsp_sender_options);
-        nvsp_collector_options room = NVSP_INITIALIZER(nvsp_collector_options);
-        plain.flags = NVSP_SENDER_UNPROTECTED;
-        room.shares = sizeof sent / 60;
-        MUST(nvsp_sender_create(64, &plain, &unprotected));
-        MUST(nvsp_collector_create(64, &room, &clean));
+        nvsp_vehicle_options link = vehicle_options(64, 20000, 2);
+        nvsp_topside_options room = topside_options(64);
+        vehicle = new_vehicle(&link);
+        topside = new_topside(&room);
+        link = vehicle_options(64, 0, 0);
+        link.flags = NVSP_LINK_UNPROTECTED | NVSP_LINK_AS_THEY_COME;
+        unprotected = new_vehicle(&link);
+        room.max_shares = sizeof sent / 60;
+        clean = new_topside(&room);
         start_counting();
         // Two: the second starts the threads of encoder and decoder.
         whole_way(0);
@@ -257,11 +300,11 @@ int main(int argc, char **argv) {
             whole_way(frame);
         }
         CHECK(stop_counting("the frames after them") == 0);
-        nvsp_collector_statistics counts = NVSP_INITIALIZER(nvsp_collector_statistics);
-        MUST(nvsp_collector_get_statistics(collector, &counts));
+        nvsp_topside_statistics counts = NVSP_INITIALIZER(nvsp_topside_statistics);
+        MUST(nvsp_topside_get_statistics(topside, &counts));
         CHECK(counts.repaired > 0);
-        nvsp_destroy(sender);
-        nvsp_destroy(collector);
+        nvsp_destroy(vehicle);
+        nvsp_destroy(topside);
         nvsp_destroy(unprotected);
         nvsp_destroy(clean);
         nvsp_destroy(both.encoder);
@@ -270,6 +313,7 @@ int main(int argc, char **argv) {
         both.decoder = NULL;
     }
     two_at_once();
+    both_ends();
     CHECK(uncounted > 0);
     free(pixels);
     return tear_down();

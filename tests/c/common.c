@@ -344,3 +344,35 @@ int all_are(const void *bytes, uint8_t value, size_t size) {
     }
     return 1;
 }
+
+nvsp_vehicle_options vehicle_options(uint32_t mtu, double bit_rate, double frame_rate) {
+    nvsp_vehicle_options options = NVSP_INITIALIZER(nvsp_vehicle_options);
+    options.mtu = mtu;
+    options.bit_rate = bit_rate;
+    options.frame_rate = frame_rate;
+    return options;
+}
+
+nvsp_topside_options topside_options(uint32_t mtu) {
+    nvsp_topside_options options = NVSP_INITIALIZER(nvsp_topside_options);
+    options.mtu = mtu;
+    return options;
+}
+
+nvsp_vehicle *new_vehicle(const nvsp_vehicle_options *options) {
+    nvsp_vehicle *made = NULL;
+    uint64_t memory = 0;
+    MUST(nvsp_vehicle_memory(options, &memory));
+    CHECK(memory > 0);
+    MUST(nvsp_vehicle_create(NULL, NULL, NULL, NULL, options, &made));
+    return made;
+}
+
+nvsp_topside *new_topside(const nvsp_topside_options *options) {
+    nvsp_topside *made = NULL;
+    uint64_t memory = 0;
+    MUST(nvsp_topside_memory(options, &memory));
+    CHECK(memory > 0);
+    MUST(nvsp_topside_create(NULL, NULL, options, &made));
+    return made;
+}

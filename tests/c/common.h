@@ -88,7 +88,13 @@ void rig_reopen(rig *rig);
 // Another encoder on the link's prior, for the scene's camera.
 nvsp_encoder *new_encoder(const nvsp_encoder_options *options);
 
-// Whether the text of a handle's last failure has these words; prints it if not.
+// Both ends of a link: options that state what must be, and ends without encoder and decoder.
+nvsp_vehicle_options vehicle_options(uint32_t mtu, double bit_rate, double frame_rate);
+nvsp_topside_options topside_options(uint32_t mtu);
+nvsp_vehicle *new_vehicle(const nvsp_vehicle_options *options);
+nvsp_topside *new_topside(const nvsp_topside_options *options);
+
+// Whether the text of a handle's last failure has these words; prints it if not. NULL: this thread's.
 int says(const void *handle, const char *words);
 
 // A place for a picture, RGB without padding.

@@ -5,9 +5,10 @@
 #include "common.h"
 
 #define MTU 64
+#define MAX_HELD (1 << 17)
 
-static nvsp_collector *collector;
-static nvsp_sender *sender, *unprotected;
+static nvsp_topside *topside;
+static nvsp_vehicle *vehicle, *unprotected;
 static uint64_t seed = 7;
 static long shown, refused;
 static double now;
@@ -51,18 +52,26 @@ static void offer(const uint8_t *bytes, size_t size) {
     for (int i = 0; i < (start == NULL ? 1 : 2); i++) {
         // As a modem frame, and as the packet of one.
         const size_t length = i == 0 ? size : start_of(copy, size, start);
-        const nvsp_status taken = nvsp_collector_push(collector, now, i == 0 ? copy : start, length, NULL);
-        CHECK(taken == NVSP_OK || taken == NVSP_ERR_MODEM || (taken == NVSP_ERR_NEWER && read == taken));
+        const nvsp_status taken = nvsp_topside_receive(topside, now, i == 0 ? copy : start, length);
+        CHECK(taken == NVSP_OK || taken == NVSP_ERR_PACKET || (taken == NVSP_ERR_NEWER && read == taken));
     }
     free(start);
     uint32_t budget = 0;
     now += 10;
-    EXPECT(NVSP_OK, nvsp_sender_plan(sender, now, &budget));
-    nvsp_sender *const senders[] = {sender, unprotected};
+    // What is no report is refused, and what comes of packets is their start.
+    const nvsp_status report = nvsp_vehicle_receive(vehicle, now, copy, size);
+    CHECK(report == NVSP_OK || report == NVSP_ERR_PACKET);
+    uint8_t *held = malloc(MAX_HELD);
+    while (nvsp_topside_packet(topside, now, held, MAX_HELD, &written, NULL) == NVSP_OK) {
+        CHECK(written > 0);
+    }
+    free(held);
+    EXPECT(NVSP_OK, nvsp_vehicle_plan(vehicle, now, now, NULL, &budget));
+    nvsp_vehicle *const vehicles[] = {vehicle, unprotected};
     for (int i = 0; i < 2; i++) {
-        const nvsp_status sent = nvsp_sender_push(senders[i], now, copy, size, NULL, 0, NULL);
-        CHECK(sent == NVSP_OK || sent == NVSP_ERR_MODEM || (sent == NVSP_ERR_NEWER && read == sent));
-        while (nvsp_sender_next(senders[i], now, frame, sizeof frame, &written) == NVSP_OK) {
+        const nvsp_status sent = nvsp_vehicle_packet(vehicles[i], now, copy, size, NULL, 0);
+        CHECK(sent == NVSP_OK || sent == NVSP_ERR_PACKET || (sent == NVSP_ERR_NEWER && read == sent));
+        while (nvsp_vehicle_transmit(vehicles[i], now, sizeof frame, frame, &written, NULL) == NVSP_OK) {
             CHECK(sent == NVSP_OK && written <= MTU);
         }
     }
@@ -130,9 +139,9 @@ static void newer_packets(void) {
     CHECK(header.latent_bytes == 0 && header.frame == 0 && header.flags == 0);
     EXPECT(NVSP_ERR_NEWER, nvsp_decode(both.decoder, bytes, sizeof bytes, 0, NULL, NULL));
     const size_t length = start_of(bytes, sizeof bytes, frame);
-    EXPECT(NVSP_ERR_NEWER, nvsp_collector_push(collector, 0, frame, length, NULL));
-    EXPECT(NVSP_ERR_NEWER, nvsp_sender_push(unprotected, 0, bytes, sizeof bytes, NULL, 0, NULL));
-    EXPECT(NVSP_PENDING, nvsp_sender_next(unprotected, 0, frame, sizeof frame, &written));
+    EXPECT(NVSP_ERR_NEWER, nvsp_topside_receive(topside, 0, frame, length));
+    EXPECT(NVSP_ERR_NEWER, nvsp_vehicle_packet(unprotected, 0, bytes, sizeof bytes, NULL, 0));
+    EXPECT(NVSP_PENDING, nvsp_vehicle_transmit(unprotected, 0, sizeof frame, frame, &written, NULL));
     CHECK(written == 77);
 }
 
@@ -263,14 +272,14 @@ int main(int argc, char **argv) {
     rig_add(&both, &dive.camera, &options);
     encode_all(&both, &dive, packets);
     MUST(nvsp_decoder_add_camera(both.decoder, &dive.camera));
-    MUST(nvsp_collector_create(MTU, NULL, &collector));
-    nvsp_sender_options link = NVSP_INITIALIZER(nvsp_sender_options);
-    link.bit_rate = 20000;
-    link.frame_rate = 4;
-    MUST(nvsp_sender_create(MTU, &link, &sender));
-    link = (nvsp_sender_options)NVSP_INITIALIZER(nvsp_sender_options);
-    link.flags = NVSP_SENDER_UNPROTECTED;
-    MUST(nvsp_sender_create(MTU, &link, &unprotected));
+    const nvsp_topside_options receives = topside_options(MTU);
+    topside = new_topside(&receives);
+    nvsp_vehicle_options link = vehicle_options(MTU, 20000, 4);
+    link.spread = NVSP_NONE;
+    vehicle = new_vehicle(&link);
+    link = vehicle_options(MTU, 0, 0);
+    link.flags = NVSP_LINK_UNPROTECTED | NVSP_LINK_AS_THEY_COME;
+    unprotected = new_vehicle(&link);
 
     newer_packets();
     for (int i = 0; i < rounds; i++) {
@@ -291,8 +300,8 @@ int main(int argc, char **argv) {
     uint8_t bytes[4096];
     size_t size = 0;
     EXPECT(NVSP_OK, nvsp_encode(both.encoder, &image, NULL, bytes, sizeof bytes, &size, NULL));
-    nvsp_destroy(collector);
-    nvsp_destroy(sender);
+    nvsp_destroy(topside);
+    nvsp_destroy(vehicle);
     nvsp_destroy(unprotected);
     printf("garbage: %ld shown, %ld refused\n", shown, refused);
     return tear_down();

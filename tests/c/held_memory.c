@@ -73,10 +73,7 @@ static void at_width(uint32_t width, uint32_t mode) {
 
 int main(int argc, char **argv) {
     read_dive(argc, argv);
-    nvsp_allocator own = NVSP_INITIALIZER(nvsp_allocator);
-    own.allocate = allocate;
-    own.release = release;
-    EXPECT(NVSP_OK, nvsp_set_allocator(&own));
+    EXPECT(NVSP_OK, nvsp_set_allocator(allocate, release, NULL));
     rig_open(&both, &dive);
     const uint32_t widths[] = {96, 160, 320, 640, 1280};
     for (int i = 0; i < (few() ? 1 : 5); i++) {

@@ -14,101 +14,123 @@ static nvsp_keys keys_with(const uint8_t *key, uint64_t epoch) {
     return keys;
 }
 
-static nvsp_sender *new_sender(const nvsp_keys *keys) {
-    nvsp_sender *made = NULL;
-    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
-    options.bit_rate = 40000;
-    options.frame_rate = 4;
-    options.flags = NVSP_SENDER_EXPECT_REPORTS;
+static nvsp_vehicle_options vehicle_with(const nvsp_keys *keys) {
+    nvsp_vehicle_options options = vehicle_options(64, 40000, 4);
     options.keys = keys;
-    MUST(nvsp_sender_create(NVSP_MTU_64, &options, &made));
-    return made;
+    return options;
 }
 
-static nvsp_collector *new_collector(const nvsp_keys *keys) {
-    nvsp_collector *made = NULL;
-    nvsp_collector_options options = NVSP_INITIALIZER(nvsp_collector_options);
-    uint64_t memory = 0;
-    options.keys = keys;
-    MUST(nvsp_collector_memory(NVSP_MTU_64, &options, &memory));
-    CHECK(memory > 0);
-    MUST(nvsp_collector_create(NVSP_MTU_64, &options, &made));
-    return made;
+static nvsp_vehicle *keyed_vehicle(const nvsp_keys *keys) {
+    const nvsp_vehicle_options options = vehicle_with(keys);
+    return new_vehicle(&options);
 }
 
-// Sends a packet; each modem frame must bring `status` at the collector. Returns how many they were.
-static uint32_t send(nvsp_sender *sender, nvsp_collector *collector, const packet *packet, double now,
-                     nvsp_status status, uint32_t *event) {
+static nvsp_topside *keyed_topside(const nvsp_keys *keys) {
+    nvsp_topside_options options = topside_options(64);
+    options.keys = keys;
+    return new_topside(&options);
+}
+
+// Sends a packet; each modem frame must bring `status` at the topside. Returns how many they were.
+static uint32_t send(nvsp_vehicle *vehicle, nvsp_topside *topside, const packet *packet, double now,
+                     nvsp_status status) {
     uint8_t frame[64];
     size_t size = 0;
     uint32_t budget = 0, count = 0;
-    nvsp_collected state = NVSP_INITIALIZER(nvsp_collected);
-    MUST(nvsp_sender_plan(sender, now, &budget));
-    MUST(nvsp_sender_push(sender, now, packet->bytes, packet->size, NULL, 0, NULL));
-    while (nvsp_sender_next(sender, now + 1, frame, sizeof frame, &size) == NVSP_OK) {
+    MUST(nvsp_vehicle_plan(vehicle, now, now, NULL, &budget));
+    MUST(nvsp_vehicle_packet(vehicle, now, packet->bytes, packet->size, NULL, 0));
+    while (nvsp_vehicle_transmit(vehicle, now + 1, sizeof frame, frame, &size, NULL) == NVSP_OK) {
         CHECK(size <= 64);
-        EXPECT(status, nvsp_collector_push(collector, now, frame, size, &state));
+        EXPECT(status, nvsp_topside_receive(topside, now, frame, size));
         if (status == NVSP_OK) {
-            *event = state.event;
-            EXPECT(NVSP_ERR_REPLAYED, nvsp_collector_push(collector, now, frame, size, NULL));
+            EXPECT(NVSP_ERR_REPLAYED, nvsp_topside_receive(topside, now, frame, size));
         }
         frame[size / 2] ^= 4;
-        EXPECT(NVSP_ERR_FOREIGN, nvsp_collector_push(collector, now, frame, size, NULL));
+        EXPECT(NVSP_ERR_FOREIGN, nvsp_topside_receive(topside, now, frame, size));
         count++;
     }
     return count;
 }
 
+// What an end would have its owner store.
+static nvsp_event vehicle_state(nvsp_vehicle *vehicle) {
+    nvsp_event event = NVSP_INITIALIZER(nvsp_event);
+    while (nvsp_vehicle_event(vehicle, &event) == NVSP_OK && event.kind != NVSP_EVENT_STORE) {
+    }
+    CHECK(event.kind == NVSP_EVENT_STORE && event.data_size > 0);
+    return event;
+}
+
+static nvsp_event topside_state(nvsp_topside *topside) {
+    nvsp_event event = NVSP_INITIALIZER(nvsp_event);
+    while (nvsp_topside_event(topside, &event) == NVSP_OK && event.kind != NVSP_EVENT_STORE) {
+    }
+    CHECK(event.kind == NVSP_EVENT_STORE && event.data_size > 0);
+    return event;
+}
+
 static void links(void) {
     const nvsp_keys own = keys_with(own_key, 7), other = keys_with(other_key, 7), past = keys_with(own_key, 6);
-    nvsp_sender *sender = new_sender(&own);
-    nvsp_collector *collector = new_collector(&own);
-    uint32_t event = 0;
-    const uint32_t count = send(sender, collector, &packets[0], 0, NVSP_OK, &event);
-    CHECK(event == NVSP_EVENT_COMPLETE || event == NVSP_EVENT_SURPLUS);
+    nvsp_vehicle *vehicle = keyed_vehicle(&own);
+    nvsp_topside *topside = keyed_topside(&own);
+    const uint32_t count = send(vehicle, topside, &packets[0], 0, NVSP_OK);
     uint8_t bytes[4096];
     size_t written = 0;
-    EXPECT(NVSP_OK, nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &written, NULL));
+    EXPECT(NVSP_OK, nvsp_topside_packet(topside, 0, bytes, sizeof bytes, &written, NULL));
     CHECK(written == packets[0].size && memcmp(bytes, packets[0].bytes, written) == 0);
 
-    nvsp_sender *strangers[] = {new_sender(&other), new_sender(&past), new_sender(NULL)};
+    nvsp_vehicle *strangers[] = {keyed_vehicle(&other), keyed_vehicle(&past), keyed_vehicle(NULL)};
     uint32_t strange = 0;
     for (size_t i = 0; i < 3; i++) {
-        strange += send(strangers[i], collector, &packets[1], 0, NVSP_ERR_FOREIGN, &event);
+        strange += send(strangers[i], topside, &packets[1], 0, NVSP_ERR_FOREIGN);
         nvsp_destroy(strangers[i]);
     }
-    EXPECT(NVSP_ERR_STATE, nvsp_collector_fetch(collector, 0, 1, bytes, sizeof bytes, &written, NULL));
-    nvsp_collector_statistics came = NVSP_INITIALIZER(nvsp_collector_statistics);
-    MUST(nvsp_collector_get_statistics(collector, &came));
+    EXPECT(NVSP_PENDING, nvsp_topside_packet(topside, 0, bytes, sizeof bytes, &written, NULL));
+    nvsp_topside_statistics came = NVSP_INITIALIZER(nvsp_topside_statistics);
+    MUST(nvsp_topside_get_statistics(topside, &came));
     CHECK(came.accepted == count && came.replayed == count && came.foreign == count + 2 * strange);
-    CHECK(came.rejected == 0 && came.taken[0] == count && came.taken[1] == 0 && came.next_number == 0);
+    CHECK(came.rejected == 0);
 
     // Reports, the other way.
     uint8_t report[64];
-    nvsp_processed_report processed = NVSP_INITIALIZER(nvsp_processed_report);
-    MUST(nvsp_collector_report(collector, 0, NULL, 0, (const uint8_t *)"user", 4, report, sizeof report, &written));
-    EXPECT(NVSP_OK, nvsp_sender_process_report(sender, 1, report, written, &processed));
-    CHECK(processed.user_bytes == 4 && memcmp(report + processed.user_offset, "user", 4) == 0);
-    EXPECT(NVSP_ERR_REPLAYED, nvsp_sender_process_report(sender, 1, report, written, &processed));
+    nvsp_event event = NVSP_INITIALIZER(nvsp_event);
+    MUST(nvsp_topside_set_user(topside, (const uint8_t *)"user", 4));
+    MUST(nvsp_topside_report(topside, 1, report, sizeof report, &written, NULL));
+    EXPECT(NVSP_OK, nvsp_vehicle_receive(vehicle, 1, report, written));
+    const nvsp_event kept = vehicle_state(vehicle);
+    while (nvsp_vehicle_event(vehicle, &event) == NVSP_OK && event.kind != NVSP_EVENT_USER) {
+    }
+    CHECK(event.data_size == 4 && memcmp(event.data, "user", 4) == 0);
+    EXPECT(NVSP_ERR_REPLAYED, nvsp_vehicle_receive(vehicle, 1, report, written));
     report[written - 1] ^= 1;
-    EXPECT(NVSP_ERR_FOREIGN, nvsp_sender_process_report(sender, 1, report, written, &processed));
-    CHECK(says(sender, "no key"));
-    nvsp_sender_statistics sent = NVSP_INITIALIZER(nvsp_sender_statistics);
-    MUST(nvsp_sender_get_statistics(sender, &sent));
-    CHECK(sent.foreign == 1 && sent.replayed == 1 && sent.next_number == count && sent.taken[0] == 1);
+    EXPECT(NVSP_ERR_FOREIGN, nvsp_vehicle_receive(vehicle, 1, report, written));
+    CHECK(says(vehicle, "no key"));
+    nvsp_vehicle_statistics sent = NVSP_INITIALIZER(nvsp_vehicle_statistics);
+    MUST(nvsp_vehicle_get_statistics(vehicle, &sent));
+    CHECK(sent.foreign == 1 && sent.replayed == 1);
 
-    // Both sides start again within the epoch.
-    nvsp_keys vehicle = own, topside = own;
-    vehicle.number = sent.next_number;
-    memcpy(topside.taken, came.taken, sizeof topside.taken);
-    nvsp_sender *again = new_sender(&vehicle), *forgetful = new_sender(&own);
-    nvsp_collector *remembers = new_collector(&topside);
-    send(forgetful, remembers, &packets[0], 0, NVSP_ERR_REPLAYED, &event);
-    CHECK(send(again, remembers, &packets[1], 0, NVSP_OK, &event) > 0);
-    nvsp_destroy(sender);
+    // Both sides start again within the epoch: their states tell the numbers.
+    const nvsp_event seen = topside_state(topside);
+    nvsp_vehicle_options vehicle_options = vehicle_with(&own);
+    vehicle_options.state = kept.data;
+    vehicle_options.state_size = kept.data_size;
+    nvsp_topside_options topside_again = topside_options(64);
+    topside_again.keys = &own;
+    topside_again.state = seen.data;
+    topside_again.state_size = seen.data_size;
+    nvsp_vehicle *again = new_vehicle(&vehicle_options), *forgetful = keyed_vehicle(&own);
+    nvsp_topside *remembers = new_topside(&topside_again);
+    send(forgetful, remembers, &packets[0], 0, NVSP_ERR_REPLAYED);
+    CHECK(send(again, remembers, &packets[1], 0, NVSP_OK) > 0);
+    // An epoch that lies before that of the state is refused.
+    vehicle_options.keys = &past;
+    nvsp_vehicle *none = NULL;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_vehicle_create(NULL, NULL, NULL, NULL, &vehicle_options, &none));
+    CHECK(none == NULL && says(NULL, "epoch 6"));
+    nvsp_destroy(vehicle);
     nvsp_destroy(again);
     nvsp_destroy(forgetful);
-    nvsp_destroy(collector);
+    nvsp_destroy(topside);
     nvsp_destroy(remembers);
 }
 
@@ -178,7 +200,7 @@ static void packets_without_a_modem(void) {
     // On threads of their own, and both sides start again within the epoch.
     nvsp_keys vehicle = own, topside = own;
     vehicle.number = stats.next_number;
-    topside.taken[0] = info.taken;
+    topside.taken = info.taken;
     nvsp_encoder *again = keyed_encoder(&vehicle), *forgetful = keyed_encoder(&own);
     nvsp_decoder *remembers = new_decoder(&topside);
     MUST(encode(forgetful, bytes, sizeof bytes, &written, NULL));
@@ -268,35 +290,32 @@ static void refusals(void) {
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_create(both.engine, both.prior, &keys, &made));
     keys = keys_with(NULL, 0);
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_create(both.engine, both.prior, &keys, &made));
-    // An MTU that has no room for tags and shares.
-    nvsp_sender *sender = NULL;
-    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    // An MTU that has no room for tags and a packet's bytes.
     keys = keys_with(own_key, 0);
-    options.bit_rate = 40000;
-    options.frame_rate = 4;
-    options.keys = &keys;
-    EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(21, &options, &sender));
-    EXPECT(NVSP_OK, nvsp_sender_create(22, &options, &sender));
-    nvsp_destroy(sender);
-    sender = NULL;
+    nvsp_vehicle *vehicle = NULL;
+    nvsp_vehicle_options options = vehicle_with(&keys);
+    options.mtu = 21;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_vehicle_create(NULL, NULL, NULL, NULL, &options, &vehicle));
+    options.mtu = 22;
+    nvsp_destroy(new_vehicle(&options));
     // Without protection modem frames of 8 bytes will do, and on the other side always.
-    options.flags = NVSP_SENDER_UNPROTECTED;
-    EXPECT(NVSP_ERR_MODEM, nvsp_sender_create(13, &options, &sender));
-    EXPECT(NVSP_OK, nvsp_sender_create(14, &options, &sender));
-    nvsp_destroy(sender);
-    sender = NULL;
-    nvsp_collector *collector = NULL;
-    nvsp_collector_options collects = NVSP_INITIALIZER(nvsp_collector_options);
+    options.flags = NVSP_LINK_UNPROTECTED;
+    options.mtu = 13;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_vehicle_create(NULL, NULL, NULL, NULL, &options, &vehicle));
+    options.mtu = 14;
+    nvsp_destroy(new_vehicle(&options));
+    nvsp_topside *topside = NULL;
+    nvsp_topside_options receives = topside_options(13);
     uint64_t memory = 77;
-    collects.keys = &keys;
-    EXPECT(NVSP_ERR_MODEM, nvsp_collector_create(13, &collects, &collector));
-    EXPECT(NVSP_ERR_MODEM, nvsp_collector_memory(13, &collects, &memory));
-    CHECK(memory == 77 && collector == NULL);
-    EXPECT(NVSP_OK, nvsp_collector_create(14, &collects, &collector));
-    nvsp_destroy(collector);
+    receives.keys = &keys;
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_topside_create(NULL, NULL, &receives, &topside));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_topside_memory(&receives, &memory));
+    CHECK(memory == 77 && topside == NULL);
+    receives.mtu = 14;
+    nvsp_destroy(new_topside(&receives));
     keys.struct_size = 5;
-    EXPECT(NVSP_ERR_STRUCTURE, nvsp_sender_create(NVSP_MTU_64, &options, &sender));
-    CHECK(made == NULL && sender == NULL);
+    EXPECT(NVSP_ERR_STRUCTURE, nvsp_vehicle_create(NULL, NULL, NULL, NULL, &options, &vehicle));
+    CHECK(made == NULL && vehicle == NULL);
 }
 
 int main(int argc, char **argv) {

@@ -40,29 +40,25 @@ static int heap_refused(const void *caller) {
 }
 
 // What is tried: each makes something, and undoes it.
-static nvsp_status try_sender(void) {
-    nvsp_sender *made = NULL;
-    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
-    options.bit_rate = 100000;
-    options.frame_rate = 10;
-    options.spread = 0.5;
-    nvsp_status status = nvsp_sender_create(4096, &options, &made);
+static nvsp_status try_vehicle(void) {
+    nvsp_vehicle *made = NULL;
+    nvsp_vehicle_options options = vehicle_options(4096, 100000, 10);
+    nvsp_status status = nvsp_vehicle_create(NULL, NULL, NULL, NULL, &options, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
     uint32_t budget = 0;
     if (status == NVSP_OK) {
-        MUST(nvsp_sender_plan(made, 0, &budget));
-        MUST(nvsp_sender_push(made, 0, packets[0].bytes, packets[0].size, NULL, 0, NULL));
+        MUST(nvsp_vehicle_plan(made, 0, 0, NULL, &budget));
+        MUST(nvsp_vehicle_packet(made, 0, packets[0].bytes, packets[0].size, NULL, 0));
     }
     nvsp_destroy(made);
     return status;
 }
 
-static nvsp_status try_collector(void) {
-    nvsp_collector *made = NULL;
-    nvsp_collector_options options = NVSP_INITIALIZER(nvsp_collector_options);
-    options.packets = 64;
-    options.shares = 256;
-    const nvsp_status status = nvsp_collector_create(4096, &options, &made);
+static nvsp_status try_topside(void) {
+    nvsp_topside *made = NULL;
+    nvsp_topside_options options = topside_options(4096);
+    options.max_shares = 256;
+    const nvsp_status status = nvsp_topside_create(NULL, NULL, &options, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
     nvsp_destroy(made);
     return status;
@@ -220,8 +216,8 @@ static const struct attempt {
     int most;  // Places at which calls are made to fail, at most, unless all are tried.
     int large;  // Whether it takes more than what is left over from before.
 } attempts[] = {
-    {"sender", try_sender, 400, 0},
-    {"collector", try_collector, 400, 1},
+    {"vehicle", try_vehicle, 400, 0},
+    {"topside", try_topside, 400, 1},
     {"prior", try_prior, 400, 1},
     {"compact prior", try_compact_prior, 400, 1},
     {"blocked prior", try_blocked_prior, 200, 0},

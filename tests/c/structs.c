@@ -7,8 +7,8 @@
 #include <nvsprior_extra.h>
 
 static packet first;
-static nvsp_sender *sender;
-static nvsp_collector *collector;
+static nvsp_vehicle *vehicle;
+static nvsp_topside *topside;
 
 // Calls a function with a structure. If it fails, all else that it would write must stay as it is.
 typedef nvsp_status (*caller)(void *structure);
@@ -90,79 +90,50 @@ static nvsp_status header(void *structure) {
     return nvsp_decode_header(first.bytes, first.size, both.prior, structure);
 }
 
-static nvsp_status collector_options(void *structure) {
-    nvsp_collector *made = NULL;
-    const nvsp_status status = nvsp_collector_create(NVSP_MTU_64, structure, &made);
-    CHECK((status == NVSP_OK) == (made != NULL));
+// A modem frame of a packet, which the topside gets anew for each call.
+static nvsp_status shown_packet(void *structure) {
+    static double now = 1;
+    uint8_t bytes[4096];
+    size_t size = 0, written = 77;
+    uint32_t budget = 0;
+    now += 10;
+    MUST(nvsp_vehicle_plan(vehicle, now, now, NULL, &budget));
+    MUST(nvsp_vehicle_packet(vehicle, now, first.bytes, first.size, NULL, 0));
+    const nvsp_topside_options options = topside_options(64);
+    nvsp_topside *made = new_topside(&options);
+    while (nvsp_vehicle_transmit(vehicle, now + 5, 64, bytes, &size, NULL) == NVSP_OK) {
+        MUST(nvsp_topside_receive(made, now, bytes, size));
+    }
+    const nvsp_status status = nvsp_topside_packet(made, now, bytes, sizeof bytes, &written, structure);
+    CHECK((status == NVSP_OK) == (written != 77));
     nvsp_destroy(made);
     return status;
 }
 
-static nvsp_status collector_memory(void *structure) {
-    uint64_t bytes = 77;
-    const nvsp_status status = nvsp_collector_memory(NVSP_MTU_64, structure, &bytes);
-    CHECK((status == NVSP_OK) == (bytes != 77));
+static nvsp_status event_out(void *structure) {
+    const nvsp_vehicle_options options = vehicle_options(64, 40000, 4);
+    nvsp_vehicle *made = new_vehicle(&options);
+    const nvsp_status status = nvsp_vehicle_event(made, structure);
+    nvsp_destroy(made);
     return status;
 }
 
-// A share of the first packet, which the collector has.
-static uint8_t share[64];
-static size_t share_size;
+static nvsp_status vehicle_statistics(void *structure) { return nvsp_vehicle_get_statistics(vehicle, structure); }
 
-static nvsp_status collected(void *structure) {
-    return nvsp_collector_push(collector, 0, share, share_size, structure);
-}
-
-static nvsp_status collected_newest(void *structure) { return nvsp_collector_newest(collector, 0, structure); }
-
-static nvsp_status collected_fetch(void *structure) {
-    uint8_t bytes[4096];
-    size_t written = 77;
-    const nvsp_status status = nvsp_collector_fetch(collector, 0, 0, bytes, sizeof bytes, &written, structure);
-    CHECK((status == NVSP_OK) == (written != 77));
-    return status;
-}
-
-static nvsp_status collector_statistics(void *structure) {
-    return nvsp_collector_get_statistics(collector, structure);
-}
-
-static nvsp_status division(void *structure) {
-    static double now = 1;
-    uint32_t budget = 0;
-    now += 10;
-    MUST(nvsp_sender_plan(sender, now, &budget));
-    const nvsp_status status = nvsp_sender_push(sender, now, first.bytes, first.size, NULL, 0, structure);
-    uint8_t frame[64];
-    size_t written = 0, taken = 0;
-    while (nvsp_sender_next(sender, now + 5, frame, sizeof frame, &written) == NVSP_OK) {
-        taken++;
-    }
-    CHECK((status == NVSP_OK) == (taken > 0));
-    return status;
-}
-
-static nvsp_status sender_statistics(void *structure) { return nvsp_sender_get_statistics(sender, structure); }
-
-static nvsp_status processed_report(void *structure) {
-    uint8_t bytes[NVSP_MTU_64];
-    size_t written = 0;
-    MUST(nvsp_collector_report(collector, 0, NULL, 0, NULL, 0, bytes, sizeof bytes, &written));
-    return nvsp_sender_process_report(sender, 6, bytes, written, structure);
-}
+static nvsp_status topside_statistics(void *structure) { return nvsp_topside_get_statistics(topside, structure); }
 
 static void make_link(void) {
-    nvsp_sender_options options = NVSP_INITIALIZER(nvsp_sender_options);
+    const nvsp_vehicle_options options = vehicle_options(64, 40000, 4);
+    const nvsp_topside_options receives = topside_options(64);
+    vehicle = new_vehicle(&options);
+    topside = new_topside(&receives);
+    uint8_t bytes[64];
+    size_t size = 0;
     uint32_t budget = 0;
-    options.bit_rate = 40000;
-    options.frame_rate = 4;
-    options.flags = NVSP_SENDER_EXPECT_REPORTS;
-    MUST(nvsp_sender_create(NVSP_MTU_64, &options, &sender));
-    MUST(nvsp_collector_create(NVSP_MTU_64, NULL, &collector));
-    MUST(nvsp_sender_plan(sender, 0, &budget));
-    MUST(nvsp_sender_push(sender, 0, first.bytes, first.size, NULL, 0, NULL));
-    while (nvsp_sender_next(sender, 5, share, sizeof share, &share_size) == NVSP_OK) {
-        MUST(nvsp_collector_push(collector, 0, share, share_size, NULL));
+    MUST(nvsp_vehicle_plan(vehicle, 0, 0, NULL, &budget));
+    MUST(nvsp_vehicle_packet(vehicle, 0, first.bytes, first.size, NULL, 0));
+    while (nvsp_vehicle_transmit(vehicle, 5, sizeof bytes, bytes, &size, NULL) == NVSP_OK) {
+        MUST(nvsp_topside_receive(topside, 0, bytes, size));
     }
 }
 
@@ -201,15 +172,10 @@ static const struct {
     {sizeof(nvsp_truth), truth, 1},
     {sizeof(nvsp_header), header, 1},
     {sizeof(nvsp_pose), between_out, 1},
-    {sizeof(nvsp_collector_options), collector_options, 0},
-    {sizeof(nvsp_collector_options), collector_memory, 0},
-    {sizeof(nvsp_collected), collected, 1},
-    {sizeof(nvsp_collected), collected_newest, 1},
-    {sizeof(nvsp_collected), collected_fetch, 1},
-    {sizeof(nvsp_collector_statistics), collector_statistics, 1},
-    {sizeof(nvsp_division), division, 1},
-    {sizeof(nvsp_sender_statistics), sender_statistics, 1},
-    {sizeof(nvsp_processed_report), processed_report, 1},
+    {sizeof(nvsp_decoded), shown_packet, 1},
+    {sizeof(nvsp_event), event_out, 1},
+    {sizeof(nvsp_vehicle_statistics), vehicle_statistics, 1},
+    {sizeof(nvsp_topside_statistics), topside_statistics, 1},
 };
 
 // Calls with a structure of `room` bytes that says it has `size`, filled with `fill` after its head. If the call fails,
@@ -277,7 +243,8 @@ static nvsp_image image;
 static nvsp_picture picture;
 static nvsp_lens lens;
 static nvsp_mask mask;
-static nvsp_sender_options sender_options;
+static nvsp_vehicle_options sends;
+static nvsp_topside_options receives;
 static nvsp_keys keys;
 
 static nvsp_status camera_in(void *structure) { return nvsp_decoder_add_camera(both.decoder, structure); }
@@ -318,10 +285,22 @@ static nvsp_status keys_in(void *structure) {
     return status;
 }
 
-static nvsp_status sender_options_in(void *structure) {
-    nvsp_sender *made = NULL;
-    const nvsp_status status = nvsp_sender_create(NVSP_MTU_64, structure, &made);
+static nvsp_status vehicle_options_in(void *structure) {
+    nvsp_vehicle *made = NULL;
+    uint64_t bytes = 77;
+    const nvsp_status status = nvsp_vehicle_create(NULL, NULL, NULL, NULL, structure, &made);
     CHECK((status == NVSP_OK) == (made != NULL));
+    EXPECT(status, nvsp_vehicle_memory(structure, &bytes));
+    nvsp_destroy(made);
+    return status;
+}
+
+static nvsp_status topside_options_in(void *structure) {
+    nvsp_topside *made = NULL;
+    uint64_t bytes = 77;
+    const nvsp_status status = nvsp_topside_create(NULL, NULL, structure, &made);
+    CHECK((status == NVSP_OK) == (made != NULL));
+    EXPECT(status, nvsp_topside_memory(structure, &bytes));
     nvsp_destroy(made);
     return status;
 }
@@ -351,7 +330,8 @@ static void others(void) {
                        .stride = camera.width, .size = dive.size};
     static const uint8_t key[NVSP_KEY_BYTES] = {1};
     keys = (nvsp_keys){NVSP_HEAD(nvsp_keys), .keys = key, .count = 1};
-    sender_options = (nvsp_sender_options){NVSP_HEAD(nvsp_sender_options), .bit_rate = 5000, .frame_rate = 5};
+    sends = vehicle_options(64, 5000, 5);
+    receives = topside_options(64);
     MUST(nvsp_decode(both.decoder, first.bytes, first.size, 0, NULL, NULL));
     const struct {
         const void *valid;
@@ -364,7 +344,8 @@ static void others(void) {
         {&picture, sizeof picture, picture_in},
         {&lens, sizeof lens, lens_in},
         {&mask, sizeof mask, mask_in},
-        {&sender_options, sizeof sender_options, sender_options_in},
+        {&sends, sizeof sends, vehicle_options_in},
+        {&receives, sizeof receives, topside_options_in},
         {&keys, sizeof keys, keys_in},
         {&pose, sizeof pose, draw_pose},
         {&picture, sizeof picture, draw_picture},
@@ -523,21 +504,16 @@ static void release(void *user, void *block, size_t size, size_t alignment) {
 
 // All host memory of the library comes from the caller's functions and goes back to them.
 static void allocators(void) {
-    nvsp_allocator own = NVSP_INITIALIZER(nvsp_allocator);
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(NULL));
-    own.allocate = allocate;
-    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(&own));
-    own.release = release;
-    own.user = &dive;
-    EXPECT(NVSP_OK, nvsp_set_allocator(&own));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(NULL, release, NULL));
+    EXPECT(NVSP_ERR_ARGUMENT, nvsp_set_allocator(allocate, NULL, NULL));
+    EXPECT(NVSP_OK, nvsp_set_allocator(allocate, release, &dive));
     rig held;
     rig_open(&held, &dive);
     CHECK(taken > 100 && blocks > 10);
-    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(&own));
+    EXPECT(NVSP_ERR_STATE, nvsp_set_allocator(allocate, release, &dive));
     rig_close(&held);
     CHECK(blocks == 0);
-    const nvsp_allocator none = NVSP_INITIALIZER(nvsp_allocator);
-    EXPECT(NVSP_OK, nvsp_set_allocator(&none));
+    EXPECT(NVSP_OK, nvsp_set_allocator(NULL, NULL, NULL));
     const long before = taken;
     rig_open(&held, &dive);
     rig_close(&held);
@@ -563,7 +539,7 @@ int main(int argc, char **argv) {
         refusals(structures[i].call, structures[i].size);
         newer(structures[i].call, structures[i].size, structures[i].output);
     }
-    nvsp_destroy(sender);
-    nvsp_destroy(collector);
+    nvsp_destroy(vehicle);
+    nvsp_destroy(topside);
     return tear_down();
 }

@@ -6,7 +6,7 @@ use std::mem::transmute;
 use std::ptr::null_mut;
 use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
 
-use crate::capi::allocator::nvsp_allocator;
+use crate::capi::allocator::{nvsp_allocate_callback, nvsp_release_callback};
 
 type Allocate = unsafe extern "C" fn(*mut c_void, usize, usize) -> *mut c_void;
 type Release = unsafe extern "C" fn(*mut c_void, *mut c_void, usize, usize);
@@ -19,14 +19,18 @@ static BLOCKS: AtomicUsize = AtomicUsize::new(0);
 
 /// Takes the caller's functions, unless blocks are out: each must go back to where it came from.
 #[cfg_attr(not(cargo_c), allow(dead_code))] // Only the C library has this allocator.
-pub(in crate::capi::memory) fn set(allocator: &nvsp_allocator) -> bool {
+pub(in crate::capi::memory) fn set(
+    allocate: nvsp_allocate_callback,
+    release: nvsp_release_callback,
+    user: *mut c_void,
+) -> bool {
     if BLOCKS.load(Ordering::Acquire) > 0 {
         return false;
     }
     let pointer = |function: Option<*mut c_void>| function.unwrap_or(null_mut());
-    RELEASE.store(pointer(allocator.release.map(|f| f as *mut c_void)), Ordering::Release);
-    USER.store(allocator.user, Ordering::Release);
-    ALLOCATE.store(pointer(allocator.allocate.map(|f| f as *mut c_void)), Ordering::Release);
+    RELEASE.store(pointer(release.map(|f| f as *mut c_void)), Ordering::Release);
+    USER.store(user, Ordering::Release);
+    ALLOCATE.store(pointer(allocate.map(|f| f as *mut c_void)), Ordering::Release);
     true
 }
 
