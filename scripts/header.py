@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import textwrap
 
 # The headers, with their parts: a title, and the files of src/capi.
 HEADERS = {
@@ -80,12 +81,61 @@ def function(block):
     name = re.search(r"(\w+)\(", declaration)[1]
     # A call that cannot fail if it is used as it should be may be left unchecked.
     checked = declaration.startswith("nvsp_status ") and name not in ("nvsp_last_error", "nvsp_struct_init")
-    return comment + ("NVSP_CHECKED\n" if checked else "") + declaration
+    declaration = ("NVSP_CHECKED " if checked else "") + re.sub(r"\s+", " ", declaration)
+    # Lines end behind parameters.
+    whole = re.sub(r"(?<!,) ", "\N{NO-BREAK SPACE}", declaration).replace("(", "( ", 1)
+    filled = textwrap.fill(whole, 120, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return comment + re.sub(r"\( ", "(", filled.replace("\N{NO-BREAK SPACE}", " "))
+
+
+def filled(block):
+    """A block whose comments have full lines, and whose structure has its first two fields on one."""
+    lines, text = [], None
+
+    def put():
+        if text is not None:
+            indent, first, rest, words = text
+            whole = textwrap.fill(" ".join(words), 120 - len(indent), initial_indent=first, subsequent_indent=rest,
+                                  break_long_words=False, break_on_hyphens=False)
+            lines.extend(indent + line for line in whole.split("\n"))
+
+    for line in block.split("\n"):
+        comment = re.fullmatch(r"( *)// (- )?(\S.*)", line)
+        continued = re.fullmatch(r"( *)//   (\S.*)", line)
+        fails = comment and comment[3].startswith("Fails ")
+        if comment and (comment[2] or text is None or text[2] != "// " or fails):
+            put()
+            item = comment[2] or ""
+            text = comment[1], "// " + item, "// " + " " * len(item), [comment[3]]
+        elif comment:
+            text[3].append(comment[3])
+        elif continued and text and text[2] == "//   ":
+            text[3].append(continued[2])
+        else:
+            put()
+            text = None
+            lines.append(line)
+    put()
+    head = "uint32_t struct_size;\n  uint32_t abi_version;"
+    return beside("\n".join(lines)).replace(head, "uint32_t struct_size, abi_version;")
+
+
+def beside(block):
+    """A block whose constants and fields have their comment on the same line, if that has room for it."""
+    lines = []
+    for line in block.split("\n"):
+        comment = re.fullmatch(r" *(// [^-].*)", lines[-1]) if lines else None
+        long = len(lines) > 1 and lines[-2].lstrip().startswith("//")
+        if comment and not long and re.fullmatch(r"#define .*| .*;", line) and len(line) + 1 + len(comment[1]) <= 120:
+            lines[-1] = f"{line} {comment[1]}"
+        else:
+            lines.append(line)
+    return "\n".join(lines)
 
 
 def paragraphs(text):
     """The text with constants of one kind, such as statuses, next to each other."""
-    between = re.compile(r"^(#define NVSP_([A-Z]+)_.*\n)\n(?=(?://.*\n)+#define NVSP_\2_)", re.M)
+    between = re.compile(r"^(#define NVSP_([A-Z]+)_.*\n)\n(?=(?://.*\n)*#define NVSP_\2_)", re.M)
     return between.sub(r"\1", text)
 
 
@@ -113,12 +163,12 @@ class Writer:
         # Constants of one kind form a paragraph.
         for _, kind in itertools.groupby(self.above.get(name, []), lambda constant: constant.split("_")[1]):
             paragraph = [self.items[constant] for constant in kind if constant in self.left]
-            self.text += ["\n".join(paragraph)] if paragraph else []
+            self.text += [filled("\n".join(paragraph))] if paragraph else []
         self.left -= set(self.above.get(name, []))
         # Examples are indented.
         lines = r"^// ```c$\n((?:.|\n)*?)^// ```$\n"
         block = re.sub(lines, lambda example: re.sub("^// ", "//     ", example[1], flags=re.M), block, flags=re.M)
-        self.text.append(function(block) if re.search(rf"\b{name}\(", code(block)) else block)
+        self.text.append(filled(function(block) if re.search(rf"\b{name}\(", code(block)) else block))
 
 
 def main():
