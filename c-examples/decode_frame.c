@@ -9,14 +9,14 @@ static const char usage[] = "usage: decode_frame PRIOR.ply PACKET PICTURE.ppm\n"
 
 // What a packet says first: anyone can read it, without a device.
 static int print_header(const uint8_t *packet, size_t size, const nvsp_prior *prior, ppm *picture) {
-    nvsp_header header;
+    nvsp_decoded header;
     NVSP_INIT(&header);
     const nvsp_status status = nvsp_decode_header(packet, size, prior, &header);
     if (status != NVSP_OK) {
         fprintf(stderr, "reading the header: %s\n", nvsp_status_text(status));
         return 0;
     }
-    if (!(header.flags & NVSP_HEADER_SESSION)) {
+    if (!(header.flags & NVSP_DECODED_SESSION)) {
         // Only a decoder that has seen the packet that states them can decode it.
         fprintf(stderr, "prior and camera are those that an earlier packet states, by tag %04x\n", header.tag);
         return 0;
@@ -24,7 +24,7 @@ static int print_header(const uint8_t *packet, size_t size, const nvsp_prior *pr
     printf("prior           %08x\n", header.prior_id);
     printf("frame           %u, %u x %u pixels\n", header.frame, header.width, header.height);
     printf("latent part     %u bytes\n", header.latent_bytes);
-    if (header.flags & NVSP_HEADER_POSE) {
+    if (header.flags & NVSP_DECODED_POSE) {
         const double *q = header.pose.rotation, *t = header.pose.translation;
         printf("pose            %.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", q[0], q[1], q[2], q[3], t[0],
                t[1], t[2]);

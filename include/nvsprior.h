@@ -512,8 +512,8 @@ typedef struct nvsp_frame_info {
 // The frame's time ended its search: see NVSP_BOUND_MILLISECONDS. The search goes on in the next frames.
 #define NVSP_FRAME_OUT_OF_TIME 16
 // A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
-// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
-// it is one of the two.
+// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_decoded it is one of the two, or the vehicle's by
+// nvsp_decode_header.
 #define NVSP_FRAME_NOT_PORTABLE 2
 
 #define NVSP_START_HINT 0 // The frame started from the pose given with it.
@@ -641,17 +641,20 @@ typedef struct nvsp_picture {
 // The frame did not come: the prior is drawn at a pose between those of frames that did.
 #define NVSP_DECODED_BETWEEN 512
 #define NVSP_DECODED_RESTARTED 1024 // It does not follow the one before: the vehicle has begun anew.
+#define NVSP_DECODED_POSE 2048 // Of nvsp_decode_header: `pose` is given.
+// Of nvsp_decode_header: the packet states prior and camera; else they are those of an earlier packet.
+#define NVSP_DECODED_SESSION 4096
 
 // For nvsp_decoded.clock: `age` is since the frame's packet began to come. It is older by what the link took.
 #define NVSP_CLOCK_NONE 0
 #define NVSP_CLOCK_REPORTS 1 // The vehicle counts from the reports that it got: `age` is never too small.
 #define NVSP_CLOCK_VEHICLE 2 // The vehicle's own UTC.
 
-// What decoding a packet yielded besides the picture.
+// What decoding a packet yielded besides the picture; or, by nvsp_decode_header, what it says first.
 typedef struct nvsp_decoded {
   uint32_t struct_size, abi_version;
-  uint32_t frame; // Number of the frame, completed from that of the packet before.
-  uint32_t width; // Pixels.
+  uint32_t frame; // Number of the frame, completed from that of the packet before. Of nvsp_decode_header modulo 2^16.
+  uint32_t width; // Pixels. Of nvsp_decode_header 0 without NVSP_DECODED_SESSION, as the height.
   uint32_t height; // Pixels.
   uint32_t flags; // Bits: NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_DECODED_*.
   uint32_t rows; // Rows that the difference picture reached: all, or 0 if the picture is the prior's render alone.
@@ -662,7 +665,7 @@ typedef struct nvsp_decoded {
   struct nvsp_pose pose; // The pose.
   // With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
   uint32_t reference;
-  uint32_t clock; // NVSP_CLOCK_*. This and the fields behind `taken` are a topside's; else they are zero.
+  uint32_t clock; // NVSP_CLOCK_*. This and the fields from `time` to `bytes` are a topside's; else they are zero.
   // With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis of the camera (the
   // prior's unit); else infinite.
   double position_deviation;
@@ -676,7 +679,11 @@ typedef struct nvsp_decoded {
   uint32_t arrived; // Modem frames of its packet that came.
   uint32_t sent; // Modem frames that it was sent in. 0: not known.
   uint32_t bytes; // Bytes of its packet that came.
-  uint32_t reserved; // Zero.
+  // With NVSP_DECODED_SESSION: identity of the prior that the packet is about, see nvsp_prior_info. This and the fields
+  // behind are of nvsp_decode_header; else they are zero.
+  uint32_t prior_id;
+  uint32_t latent_bytes; // Bytes of the latent part, which makes a picture by itself.
+  uint32_t tag; // The tag, of 16 bits, that names prior and camera.
 } nvsp_decoded;
 
 // Decodes a packet. Waits for a lock of the device's queue, and for the device. Whatever the bytes are, the call yields
@@ -1138,32 +1145,6 @@ NVSP_CHECKED nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
 
 // ---- Decoders ----
 
-#define NVSP_HEADER_POSE 4 // `pose` is given.
-#define NVSP_HEADER_SESSION 8 // The packet states prior and camera; else they are those of an earlier packet.
-
-// What a packet says first, without rendering.
-typedef struct nvsp_header {
-  uint32_t struct_size, abi_version;
-  // Identity of the prior that the packet is about, see nvsp_prior_info, if NVSP_HEADER_SESSION is set; else 0.
-  uint32_t prior_id;
-  uint32_t frame; // Number of the frame, modulo 2^16.
-  uint32_t width; // Pixels, if NVSP_HEADER_SESSION is set; else 0.
-  uint32_t height; // As the width.
-  // NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_HEADER_POSE and NVSP_HEADER_SESSION
-  // bits.
-  uint32_t flags;
-  uint32_t latent_bytes; // Bytes of the latent part, which makes a picture by itself.
-  uint32_t tag; // The tag, of 16 bits, that names prior and camera.
-  uint32_t reserved; // Zero.
-  struct nvsp_pose pose; // The pose, if NVSP_HEADER_POSE is set.
-  // With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis
-  // of the camera (the prior's unit); else infinite.
-  double position_deviation;
-  // With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of the
-  // camera (radians); else infinite.
-  double rotation_deviation;
-} nvsp_header;
-
 // Tells the decoder about a camera that packets only name. So a topside that joins late need not wait until the camera
 // is sent again. The decoder knows the last 256 cameras.
 // Fails with NVSP_ERR_ARGUMENT, or NVSP_ERR_MEMORY (more pixels than the engine allows).
@@ -1229,7 +1210,7 @@ NVSP_CHECKED nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder, const s
 // - `prior`: a live prior. NULL: the pose is not wanted.
 // - `header`: receives what the packet says.
 NVSP_CHECKED nvsp_status nvsp_decode_header(const uint8_t *packet, size_t size, const struct nvsp_prior *prior,
-    struct nvsp_header *header);
+    struct nvsp_decoded *header);
 
 // ---- How far a picture is from what the camera saw ----
 

@@ -36,7 +36,8 @@ describe() { # Folder of headers, folder.
         # in a structure that may grow.
         awk '/^typedef struct .*\{/ { name = $3; number = 0; next }
             /^}/ { name = "" }
-            name != "" && $1 !~ /^\/\// { $1 = $1; print name, ++number, $0 }' ./*.h | LC_ALL=C sort > fields
+            name != "" && $1 !~ /^\/\// { sub(/\/\/.*/, ""); $1 = $1; print name, ++number, $0 }' ./*.h |
+            LC_ALL=C sort > fields
     )
 }
 
@@ -46,7 +47,7 @@ compatible() { # Folder of the baseline, folder of the header.
     sed -n 's/^  struct \(nvsp_[a-z_]*\) [a-z_]*;.*/\1/p' "$2"/*.h | LC_ALL=C sort -u > "$scratch/within"
     growing=$(awk '
         /^(typedef )?struct .*\{/ { name = $0; sub(/.*struct /, "", name); sub(/ .*/, "", name); first = 1; next }
-        first && NF && $1 !~ /^\/\// { if ($0 ~ / struct_size;/) print name; first = 0 }' "$2"/*.h |
+        first && NF && $1 !~ /^\/\// { if ($0 ~ / struct_size,/) print name; first = 0 }' "$2"/*.h |
         LC_ALL=C sort | LC_ALL=C comm -23 - "$scratch/within" | paste -sd '|')
     cat > "$scratch/growth" <<END
 [suppress_type]
@@ -91,12 +92,12 @@ selftest() {
         ! compatible "$scratch/base" "$scratch/$1" || result=passes
         [ "$result" = "$2" ] || { echo "abi: $1 $result" >&2; cat "$scratch/report" >&2; exit 1; }
     }
-    change constant fails 's/^#define NVSP_FORMAT_BGR8 2$/#define NVSP_FORMAT_BGR8 7/'
+    change constant fails 's/^#define NVSP_FORMAT_BGR8 2 /#define NVSP_FORMAT_BGR8 7 /'
     change removed fails 's/^const char \*nvsp_status_text(nvsp_status status);$//'
     change parameter fails 's/^\(const char \*nvsp_status_text(\)nvsp_status status);$/\1int64_t status);/'
     change field fails '/^typedef struct nvsp_pose {/,/^}/s/double translation/float translation/'
     change type fails '/^typedef struct nvsp_engine_options {/,/^}/s/uint32_t flags/float flags/'
-    change extra fails 's/uint64_t modifier,$/uint32_t modifier,/'
+    change extra fails 's/uint64_t modifier,/uint32_t modifier,/'
     change grown fails '/^typedef struct nvsp_pose {/,/^}/s/^}/    float more;\n}/'
     change added passes 's/^const char \*nvsp_status_text(nvsp_status status);$/&\nint nvsp_new(void);/'
     change tail passes '/^typedef struct nvsp_engine_options {/,/^}/s/^}/    uint64_t more;\n}/'

@@ -229,6 +229,10 @@ pub const NVSP_DECODED_WHOLE: u32 = 256;
 pub const NVSP_DECODED_BETWEEN: u32 = 512;
 /// It does not follow the one before: the vehicle has begun anew.
 pub const NVSP_DECODED_RESTARTED: u32 = 1024;
+/// Of nvsp_decode_header: `pose` is given.
+pub const NVSP_DECODED_POSE: u32 = 2048;
+/// Of nvsp_decode_header: the packet states prior and camera; else they are those of an earlier packet.
+pub const NVSP_DECODED_SESSION: u32 = 4096;
 
 /// For nvsp_decoded.clock: `age` is since the frame's packet began to come. It is older by what the link took.
 pub const NVSP_CLOCK_NONE: u32 = 0;
@@ -237,15 +241,15 @@ pub const NVSP_CLOCK_REPORTS: u32 = 1;
 /// The vehicle's own UTC.
 pub const NVSP_CLOCK_VEHICLE: u32 = 2;
 
-/// What decoding a packet yielded besides the picture.
+/// What decoding a packet yielded besides the picture; or, by nvsp_decode_header, what it says first.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct nvsp_decoded {
     pub struct_size: u32,
     pub abi_version: u32,
-    /// Number of the frame, completed from that of the packet before.
+    /// Number of the frame, completed from that of the packet before. Of nvsp_decode_header modulo 2^16.
     pub frame: u32,
-    /// Pixels.
+    /// Pixels. Of nvsp_decode_header 0 without NVSP_DECODED_SESSION, as the height.
     pub width: u32,
     /// Pixels.
     pub height: u32,
@@ -261,7 +265,7 @@ pub struct nvsp_decoded {
     pub pose: nvsp_pose,
     /// With NVSP_DECODED_INTER: number of the reference frame, completed from that of the packet before; else 0.
     pub reference: u32,
-    /// NVSP_CLOCK_*. This and the fields behind `taken` are a topside's; else they are zero.
+    /// NVSP_CLOCK_*. This and the fields from `time` to `bytes` are a topside's; else they are zero.
     pub clock: u32,
     /// With NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an axis of the camera (the
     /// prior's unit); else infinite.
@@ -283,49 +287,15 @@ pub struct nvsp_decoded {
     pub sent: u32,
     /// Bytes of its packet that came.
     pub bytes: u32,
-    /// Zero.
-    pub reserved: u32,
-}
-versioned!(nvsp_decoded, 168);
-
-/// `pose` is given.
-pub const NVSP_HEADER_POSE: u32 = 4;
-/// The packet states prior and camera; else they are those of an earlier packet.
-pub const NVSP_HEADER_SESSION: u32 = 8;
-
-/// What a packet says first, without rendering.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct nvsp_header {
-    pub struct_size: u32,
-    pub abi_version: u32,
-    /// Identity of the prior that the packet is about, see nvsp_prior_info, if NVSP_HEADER_SESSION is set; else 0.
+    /// With NVSP_DECODED_SESSION: identity of the prior that the packet is about, see nvsp_prior_info. This and the
+    /// fields behind are of nvsp_decode_header; else they are zero.
     pub prior_id: u32,
-    /// Number of the frame, modulo 2^16.
-    pub frame: u32,
-    /// Pixels, if NVSP_HEADER_SESSION is set; else 0.
-    pub width: u32,
-    /// As the width.
-    pub height: u32,
-    /// NVSP_FRAME_UNCERTAIN, NVSP_FRAME_NOT_PORTABLE, NVSP_FRAME_POSITION_KNOWN, NVSP_HEADER_POSE and
-    /// NVSP_HEADER_SESSION bits.
-    pub flags: u32,
     /// Bytes of the latent part, which makes a picture by itself.
     pub latent_bytes: u32,
     /// The tag, of 16 bits, that names prior and camera.
     pub tag: u32,
-    /// Zero.
-    pub reserved: u32,
-    /// The pose, if NVSP_HEADER_POSE is set.
-    pub pose: nvsp_pose,
-    /// With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of the position along an
-    /// axis of the camera (the prior's unit); else infinite.
-    pub position_deviation: f64,
-    /// With NVSP_HEADER_POSE and NVSP_FRAME_POSITION_KNOWN: the greatest standard deviation of a turn about an axis of
-    /// the camera (radians); else infinite.
-    pub rotation_deviation: f64,
 }
-versioned!(nvsp_header, 120);
+versioned!(nvsp_decoded, 176);
 
 /// Makes a decoder for packets about a prior. The first packet of a camera takes the device memory
 /// for its pictures.
@@ -566,7 +536,7 @@ pub unsafe extern "C" fn nvsp_decode_header(
     packet: *const u8,
     size: usize,
     prior: Option<&nvsp_prior>,
-    header: Out<nvsp_header>,
+    header: Out<nvsp_decoded>,
 ) -> nvsp_status {
     fence(|| {
         let out = header.required()?;
@@ -583,7 +553,7 @@ pub unsafe extern "C" fn nvsp_decode_header(
 /// What poses of the paper's profile are relative to: they are absolute.
 const ANY_FRAME: CoordinateFrame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
 
-fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
+fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_decoded {
     let latent = parsed.latent();
     let session = parsed.session().as_ref().ok().copied().flatten();
     let is_own = |id| session.is_none_or(|session| session.prior == id);
@@ -597,7 +567,7 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
     let known = unit.and_then(|unit| latent.known.map(|bound| bound.of_unit(unit)));
     let size = session.map_or((0, 0), |session| (session.camera.width, session.camera.height));
     let flag = |set: bool, bit: u32| if set { bit } else { 0 };
-    nvsp_header {
+    nvsp_decoded {
         prior_id: session.map_or(0, |session| session.prior.0),
         frame: latent.frame,
         width: size.0,
@@ -605,8 +575,8 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_header {
         flags: flag(latent.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
             | flag(!latent.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)
             | flag(latent.known.is_some(), super::encoder::NVSP_FRAME_POSITION_KNOWN)
-            | flag(pose.is_some(), NVSP_HEADER_POSE)
-            | flag(session.is_some(), NVSP_HEADER_SESSION),
+            | flag(pose.is_some(), NVSP_DECODED_POSE)
+            | flag(session.is_some(), NVSP_DECODED_SESSION),
         latent_bytes: parsed.latent_len() as u32,
         tag: latent.tag.into(),
         pose: pose.map_or(image::NO_POSE, |pose| image::pose_out(&pose)),

@@ -125,8 +125,8 @@ pub const NVSP_FRAME_POSITION_KNOWN: u32 = 128;
 pub const NVSP_FRAME_OUT_OF_TIME: u32 = 16;
 
 /// A device is not portable: the topside's render, and its picture, may differ from the vehicle's in the last bit of a
-/// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_header it is the vehicle's device. In nvsp_decoded
-/// it is one of the two.
+/// colour. In nvsp_frame_stats this is the encoder's device. In nvsp_decoded it is one of the two, or the vehicle's by
+/// nvsp_decode_header.
 pub const NVSP_FRAME_NOT_PORTABLE: u32 = 2;
 
 /// The frame started from the pose given with it.

@@ -143,7 +143,7 @@ static void whole_way(int number) {
     const nvsp_image image = scene_image(&dive, at < dive.frames ? at : turn - at);
     const nvsp_pose *hint = number == 0 ? &dive.poses[0] : NULL;
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
-    nvsp_header header;
+    nvsp_decoded header;
     nvsp_decoded info;
     nvsp_frame_stats stats;
     MUST(NVSP_INIT(&header));

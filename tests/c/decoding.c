@@ -64,7 +64,7 @@ static void filtered(void) {
 
 static void headers(void) {
     nvsp_prior_info prior;
-    nvsp_header header, alone;
+    nvsp_decoded header, alone;
     nvsp_decoded info;
     MUST(NVSP_INIT(&prior));
     MUST(NVSP_INIT(&header));
@@ -77,7 +77,7 @@ static void headers(void) {
     const uint32_t tag = crc32(0, packets[0].bytes + SESSION_LATENT, SESSION - 2) & 0xffff;
     for (uint32_t which = 0; which < 2; which++) {
         const packet one = packets[which];
-        const uint32_t latent = which == 0 ? SESSION_LATENT : LATENT, session = which == 0 ? NVSP_HEADER_SESSION : 0;
+        const uint32_t latent = which == 0 ? SESSION_LATENT : LATENT, session = which == 0 ? NVSP_DECODED_SESSION : 0;
         const uint32_t start = which == 0 ? SESSION_LATENT + SESSION : LATENT;
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, both.prior, &header));
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, start, both.prior, &alone));
@@ -86,14 +86,14 @@ static void headers(void) {
         CHECK(header.prior_id == (which == 0 ? prior.id : 0) && header.tag == tag);
         CHECK(header.width == (which == 0 ? dive.camera.width : 0));
         CHECK(header.height == (which == 0 ? dive.camera.height : 0));
-        CHECK(header.flags == (NVSP_HEADER_POSE | NVSP_FRAME_POSITION_KNOWN | session));
+        CHECK(header.flags == (NVSP_DECODED_POSE | NVSP_FRAME_POSITION_KNOWN | session));
         EXPECT(NVSP_OK, nvsp_decode(both.decoder, one.bytes, one.size, 0, NULL, &info));
         CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, one.size, NULL, &header));
         CHECK(header.flags == (NVSP_FRAME_POSITION_KNOWN | session) && header.pose.rotation[0] == 0);
         // The latent part alone.
         EXPECT(NVSP_OK, nvsp_decode_header(one.bytes, latent, both.prior, &header));
-        CHECK(header.flags == (NVSP_HEADER_POSE | NVSP_FRAME_POSITION_KNOWN) && header.width == 0);
+        CHECK(header.flags == (NVSP_DECODED_POSE | NVSP_FRAME_POSITION_KNOWN) && header.width == 0);
         CHECK(header.tag == tag && header.position_deviation == info.position_deviation);
         CHECK(memcmp(&header.pose, &alone.pose, sizeof header.pose) == 0);
         for (size_t size = 0; size < latent; size++) {
@@ -107,7 +107,7 @@ static void headers(void) {
     other[SESSION_LATENT] ^= 1;
     seal_session(other);
     EXPECT(NVSP_OK, nvsp_decode_header(other, sizeof other, both.prior, &header));
-    CHECK(header.flags == (NVSP_HEADER_SESSION | NVSP_FRAME_POSITION_KNOWN));
+    CHECK(header.flags == (NVSP_DECODED_SESSION | NVSP_FRAME_POSITION_KNOWN));
     CHECK(isinf(header.position_deviation) && isinf(header.rotation_deviation));
     CHECK(header.prior_id == (prior.id ^ 1) && header.tag != tag);
     // A pose that is predicted from one that is not held: kind and frame number, the frame before, no base, no steps.
@@ -132,11 +132,11 @@ static void papers_packet(void) {
     uint8_t *bytes = read_all(dive.paper_packet, &size), *expected = read_picture(&dive, dive.paper_picture);
     uint8_t *pixels = malloc(dive.size);
     nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
-    nvsp_header header = NVSP_INITIALIZER(nvsp_header);
+    nvsp_decoded header = NVSP_INITIALIZER(nvsp_decoded);
     nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
     EXPECT(NVSP_OK, nvsp_decode_header(bytes, 36, NULL, &header));
     CHECK(header.latent_bytes == 36 && header.frame == 5);
-    CHECK(header.flags & NVSP_HEADER_POSE);
+    CHECK(header.flags & NVSP_DECODED_POSE);
     EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, &info));
     CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
     CHECK(memcmp(pixels, expected, dive.size) == 0);

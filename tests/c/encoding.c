@@ -287,7 +287,7 @@ static void lost_frames(void) {
             }
             if (!clear) image.planes[0] = grey;
             nvsp_frame_stats stats;
-            nvsp_header header;
+            nvsp_decoded header;
             MUST(NVSP_INIT(&stats));
             MUST(NVSP_INIT(&header));
             const nvsp_pose *hint = i == 0 || hinted ? &dive.poses[0] : NULL;
@@ -509,7 +509,7 @@ static void another_camera(void) {
     for (int i = 0; i < 3; i++) {
         const nvsp_camera camera = scaled_camera(&dive, widths[i]);
         nvsp_picture place = place_of(pixels, camera.width, camera.height);
-        nvsp_header header = NVSP_INITIALIZER(nvsp_header);
+        nvsp_decoded header = NVSP_INITIALIZER(nvsp_decoded);
         size_t size = 0;
         EXPECT(NVSP_OK, nvsp_encoder_set_camera(encoder, &camera));
         EXPECT(NVSP_OK, nvsp_encode(encoder, &image, with_hint(&dive.poses[0]), bytes, sizeof bytes, &size, NULL));

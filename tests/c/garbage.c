@@ -34,7 +34,7 @@ static size_t start_of(const uint8_t *packet, size_t size, uint8_t *frame) {
 static void offer(const uint8_t *bytes, size_t size) {
     uint8_t *copy = copy_of(bytes, size), frame[256];
     size_t written = 0;
-    nvsp_header header;
+    nvsp_decoded header;
     nvsp_decoded info;
     MUST(NVSP_INIT(&header));
     const nvsp_status read = nvsp_decode_header(copy, size, both.prior, &header);
@@ -130,7 +130,7 @@ static void newer_packets(void) {
     const size_t latent = 18;
     uint8_t bytes[64], frame[64];
     size_t written = 77;
-    nvsp_header header = NVSP_INITIALIZER(nvsp_header);
+    nvsp_decoded header = NVSP_INITIALIZER(nvsp_decoded);
     memcpy(bytes, packets[0].bytes, sizeof bytes);
     bytes[0] = 0x1e;
     EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, sizeof bytes, NULL, &header));

@@ -103,9 +103,9 @@ static void decoding(void) {
     EXPECT(NVSP_OK, nvsp_wait(both.encoder, 60000));
     EXPECT(NVSP_OK, nvsp_cancel(both.encoder));
     MUST(encode(&both, 2, bytes, &size));
-    nvsp_header header = NVSP_INITIALIZER(nvsp_header);
+    nvsp_decoded header = NVSP_INITIALIZER(nvsp_decoded);
     MUST(nvsp_decode_header(bytes, size, NULL, &header));
-    CHECK(header.frame == 2 && (header.flags & NVSP_HEADER_SESSION));
+    CHECK(header.frame == 2 && (header.flags & NVSP_DECODED_SESSION));
     hang();
     EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));
     EXPECT(NVSP_ERR_DEVICE_LOST, nvsp_decode(both.decoder, bytes, size, 0, NULL, NULL));

@@ -104,7 +104,7 @@ static void decoders(void) {
     nvsp_decoder *decoder = both.decoder;
     nvsp_picture place = place_of(NULL, dive.camera.width, dive.camera.height);
     nvsp_decoded info;
-    nvsp_header header;
+    nvsp_decoded header;
     MUST(NVSP_INIT(&info));
     MUST(NVSP_INIT(&header));
     EXPECT(NVSP_ERR_ARGUMENT, nvsp_decoder_add_camera(NULL, &dive.camera));

@@ -170,7 +170,7 @@ static const struct {
     {sizeof(nvsp_frame_stats), frame_stats, 1},
     {sizeof(nvsp_decoded), decoded, 1},
     {sizeof(nvsp_truth), truth, 1},
-    {sizeof(nvsp_header), header, 1},
+    {sizeof(nvsp_decoded), header, 1},
     {sizeof(nvsp_pose), between_out, 1},
     {sizeof(nvsp_decoded), shown_packet, 1},
     {sizeof(nvsp_event), event_out, 1},
