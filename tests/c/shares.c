@@ -335,7 +335,7 @@ static void pictures(void) {
     MUST(nvsp_topside_set_region(topside, 0.25, 0.25, 0.5, 0.75, 4));
     MUST(nvsp_topside_set_user(topside, (const uint8_t *)"lamp", 4));
     double now = 100;
-    const int frames = few() ? 6 : 24;
+    const int frames = few() ? 12 : 24;
     const uint32_t whole = show_all(vehicle, topside, &now, frames, &up, &down);
     printf("%u frames sent, %u pictures whole, user bytes of %u packets and %u reports\n", up.frames, whole, down.users,
            up.users);
@@ -394,6 +394,77 @@ static void pictures(void) {
     CHECK(none == NULL && says(both.engine, "state"));
     nvsp_destroy(vehicle);
     nvsp_destroy(topside);
+}
+
+// What encoder and decoder of both ends are given anew after a lost device, and frames go on.
+static void reopened(void) {
+    nvsp_vehicle_options options = vehicle_options(MTU, 60000, 4);
+    options.user_bytes = 5;
+    const nvsp_topside_options receives = topside_options(MTU);
+    nvsp_vehicle *vehicle = pixel_vehicle(&options);
+    nvsp_topside *topside = NULL;
+    nvsp_prior *anew = NULL, *other = NULL;
+    MUST(nvsp_topside_create(both.engine, both.prior, &receives, &topside));
+    MUST(nvsp_prior_open(both.engine, dive.prior, NULL, &anew));
+    MUST(nvsp_prior_open(both.engine, dive.other_prior, NULL, &other));
+    told up = {0}, down = {0};
+    double now = 0;
+    // As many as show_all shows before it begins with the first again.
+    const int turn = 2 * dive.frames - 2;
+    const uint32_t before = show_all(vehicle, topside, &now, turn, &up, &down);
+    nvsp_encoder *encoder = nvsp_vehicle_encoder(vehicle);
+    nvsp_decoder *decoder = nvsp_topside_decoder(topside);
+    EXPECT(NVSP_ERR_OTHER_PRIOR, nvsp_encoder_reopen(encoder, both.engine, other));
+    EXPECT(NVSP_ERR_OTHER_PRIOR, nvsp_decoder_reopen(decoder, both.engine, other));
+    EXPECT(NVSP_OK, nvsp_encoder_reopen(encoder, both.engine, anew));
+    EXPECT(NVSP_OK, nvsp_decoder_reopen(decoder, both.engine, anew));
+    const uint32_t frames = up.frames, after = show_all(vehicle, topside, &now, turn, &up, &down);
+    printf("%u of %u pictures whole before encoder and decoder were given anew, %u of %u after it\n", before, frames,
+           after, up.frames - frames);
+    CHECK(before > frames / 2 && up.frames > frames + (uint32_t)turn / 2 && after > (up.frames - frames) / 2);
+    CHECK(down.heard == 1 && down.refused == 0);
+    nvsp_destroy(other);
+    nvsp_destroy(anew);
+    nvsp_destroy(vehicle);
+    nvsp_destroy(topside);
+}
+
+// A vehicle searches for a frame while the one before is coded. All that it takes come, in order.
+static void two_under_way(void) {
+    const nvsp_vehicle_options options = vehicle_options(MTU, 60000, 4);
+    nvsp_encoder_options encodes = NVSP_INITIALIZER(nvsp_encoder_options);
+    encodes.pipelined = 1;
+    nvsp_vehicle *vehicle = NULL;
+    MUST(nvsp_vehicle_create(both.engine, both.prior, &dive.camera, &encodes, &options, &vehicle));
+    uint8_t bytes[MTU];
+    uint32_t taken = 0, coded = 0, most = 0;
+    int64_t last = -1;
+    const int frames = few() ? 40 : 200;
+    for (int k = 0; k < frames || (coded < taken && k < 60000); k++) {
+        const nvsp_image image = scene_image(&dive, k / 4 % dive.frames);
+        const nvsp_pose *hint = k == 0 ? &dive.poses[0] : NULL;
+        if (k < frames) {
+            const nvsp_status status = nvsp_vehicle_frame(vehicle, 0.25 * k, &image, with_hint(hint), NULL, 0);
+            CHECK(status == NVSP_OK || (k > 0 && status == NVSP_PENDING));
+            taken += status == NVSP_OK;
+        }
+        size_t size = 0;
+        while (nvsp_vehicle_transmit(vehicle, 0.25 * k, MTU, bytes, &size, NULL) == NVSP_OK) {
+        }
+        nvsp_event event = NVSP_INITIALIZER(nvsp_event);
+        while (nvsp_vehicle_event(vehicle, &event) == NVSP_OK) {
+            if (event.kind == NVSP_EVENT_FRAME) {
+                CHECK(event.status == NVSP_OK && event.bytes > 20 && event.frame > last);
+                last = event.frame;
+                coded++;
+            }
+        }
+        most = taken - coded > most ? taken - coded : most;
+        usleep(3000);
+    }
+    printf("%u of %d frames taken, %u coded, at most %u under way\n", taken, frames, coded, most);
+    CHECK(taken >= 4 && coded == taken && most <= 2);
+    nvsp_destroy(vehicle);
 }
 
 // In order, each frame once; what did not come is drawn between others. The modem asks for frames.
@@ -566,6 +637,8 @@ int main(int argc, char **argv) {
     encode_all(&both, &dive, packets);
     long_run();
     pictures();
+    reopened();
+    two_under_way();
     in_order_and_pulled();
     wrong_options();
     wrong_calls();
