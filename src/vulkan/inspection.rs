@@ -17,8 +17,6 @@ pub struct Compiled {
     pub subgroup: u32,
     /// What the compiler tells, by the driver's names.
     pub statistics: Vec<(String, f64)>,
-    /// The assembly, if the driver yields it as text.
-    pub assembly: Option<String>,
 }
 
 impl Device {
@@ -58,7 +56,6 @@ impl Kernel {
             entry: pipeline.entry,
             subgroup: properties.first().map_or(0, |executable| executable.subgroup_size),
             statistics: statistics.iter().map(named_number).collect(),
-            assembly: assembly(&functions, &info)?,
         })
     }
 }
@@ -80,37 +77,4 @@ fn named_number(statistic: &vk::PipelineExecutableStatisticKHR) -> (String, f64)
         }
     };
     (text(statistic.name_as_c_str()), number)
-}
-
-/// The representation that is called assembly.
-fn assembly(
-    functions: &khr::pipeline_executable_properties::Device,
-    info: &vk::PipelineExecutableInfoKHR,
-) -> Result<Option<String>, Error> {
-    let call = "vkGetPipelineExecutableInternalRepresentationsKHR";
-    // SAFETY: a pipeline of this device, made to be captured.
-    let mut all = unsafe { functions.get_pipeline_executable_internal_representations(info) }
-        .map_err(Error::of(call))?;
-    // The first call tells the sizes. The second one fills what it is given room for.
-    let mut room: Vec<Vec<u8>> = all.iter().map(|r| vec![0; r.data_size]).collect();
-    for (representation, room) in std::iter::zip(&mut all, &mut room) {
-        representation.p_data = room.as_mut_ptr().cast();
-    }
-    let mut count = all.len() as u32;
-    // SAFETY: as above; each representation has the room that the driver asked for.
-    unsafe {
-        (functions.fp().get_pipeline_executable_internal_representations_khr)(
-            functions.device(),
-            info,
-            &mut count,
-            all.as_mut_ptr(),
-        )
-    }
-    .result()
-    .map_err(Error::of(call))?;
-    let is_assembly = |r: &vk::PipelineExecutableInternalRepresentationKHR| {
-        r.is_text == vk::TRUE && r.name_as_c_str() == Ok(c"Assembly")
-    };
-    let place = all.iter().position(is_assembly);
-    Ok(place.map(|place| String::from_utf8_lossy(&room[place]).trim_end_matches('\0').to_owned()))
 }

@@ -141,10 +141,7 @@ impl Pipeline {
         }
         let mut info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.layout);
         if self.device.inspected {
-            info = info.flags(
-                vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
-                    | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR,
-            );
+            info = info.flags(vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR);
         }
         // SAFETY: layout and module are valid; the module may go once the pipeline is made. A size of subgroups is
         // asked for if the device was made with the feature: `DeviceInfo::wave`.

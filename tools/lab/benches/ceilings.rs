@@ -1,6 +1,6 @@
 //! Measures how near the stages come to what the device can do, and to the same stages written by
 //! hand in GLSL (`glsl/`): `cargo bench -p nvsprior-lab`. Uses the reef if its data lies beside the
-//! project, else the tests' wall. `-- orin` only predicts what a Jetson Orin takes, and an H100.
+//! project, else the tests' wall.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -24,10 +24,8 @@ use nvsprior_kernels::shared::{
 use nvsprior_lab::ceilings::{self, Ceilings, Clock};
 
 use nvsprior_lab::cost::{
-    Cost, Counts, FLOW_FLOPS, H100, KnownGpu, Machine, ORIN_NX, PICTURE_FLOPS, PICTURE_PASSES,
-    SEARCH_PASSES, Sharing, Work,
+    Cost, Counts, FLOW_FLOPS, Machine, PICTURE_FLOPS, PICTURE_PASSES, Sharing, Work,
 };
-use nvsprior_lab::gpu_check::Row;
 
 /// Runs of each kernel, in turn with those that it is compared with. The fastest counts.
 const RUNS: usize = 60;
@@ -307,75 +305,6 @@ fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> 
     Ok(())
 }
 
-/// The report of `make gpu-check`, from the project's folder.
-const GPU_CHECK: &str = "../../target/gpu-check/report.json";
-
-/// Prints what a GPU should take for the stages of a picture, or of an evaluation: by operations, and by what a
-/// compiler makes of the stages.
-fn predict(gpu: &KnownGpu, c: &Counts, evaluation: bool, rows: &[Row]) -> anyhow::Result<()> {
-    let machine = &gpu.machine;
-    const BLENDED: [(&str, &str); 6] = [
-        ("project", "project"),
-        ("radix", "radix_count"),
-        ("radix", "radix_scatter"),
-        ("bin", "bin_count"),
-        ("bin", "bin_scan"),
-        ("bin", "bin_emit"),
-    ];
-    const PICTURE_ENDS: [(&str, &str); 2] = [("splat", "splat"), ("small", "quantize_rgb8")];
-    const EVALUATION_ENDS: [(&str, &str); 2] = [("splat_flow", "splat_flow"), ("reduce", "solve")];
-    let (name, passes, ends) = match evaluation {
-        true => ("evaluation", SEARCH_PASSES, EVALUATION_ENDS.as_slice()),
-        false => ("picture", PICTURE_PASSES, PICTURE_ENDS.as_slice()),
-    };
-    println!("  {name} on {}, us: by operations; by the compiled stages", machine.name);
-    let cost = Cost { counts: c, sharing: &machine.sharing, passes };
-    let mut total = [0.0; 2];
-    let mut part_before = "";
-    for (part, stage) in BLENDED.iter().chain(ends) {
-        if *part != part_before {
-            let old = machine.seconds(&work(part, c, machine, passes)) * 1e6;
-            println!("    {part}: {old:.0}");
-            (part_before, total[0]) = (part, total[0] + old);
-        }
-        let Some(times) = gpu.times(rows, stage, &cost)? else { continue };
-        let new = times.seconds() * 1e6;
-        let [issue, memory, latency, dispatches] =
-            [times.issue, times.memory, times.latency, times.dispatches].map(|s| s * 1e6);
-        print!("      {stage:13} {new:5.0}: issue {issue:5.0}, memory {memory:4.0}, ");
-        println!("latency {latency:5.0}, dispatches {dispatches:3.0}; {}", times.bound());
-        total[1] += new;
-    }
-    println!("    all: {:.0}; {:.0}", total[0], total[1]);
-    Ok(())
-}
-
-/// Prints what a Jetson Orin should take for the levels of a prior. For the first level it prints an H100's times, too:
-/// docs/latency.md has what was measured on one.
-fn predictions(engine: &Engine, seen: &PriorView) -> anyhow::Result<()> {
-    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(GPU_CHECK);
-    let Ok(text) = std::fs::read_to_string(file) else {
-        println!("no prediction by compiled stages: `make gpu-check` writes {GPU_CHECK}");
-        return Ok(());
-    };
-    let rows: Vec<Row> = serde_json::from_str(&text)?;
-    println!("stages compiled by {}", rows.first().map_or("nothing", |row| &row.compiler));
-    for (level, factor) in [1, 2, 4].into_iter().enumerate() {
-        let view = LevelView::new(engine, seen, factor)?;
-        println!("level {level}");
-        let whole = view.counts(seen, 0);
-        predict(&ORIN_NX, &whole, false, &rows)?;
-        predict(&ORIN_NX, &whole, true, &rows)?;
-        if level == 0 {
-            predict(&H100, &whole, false, &rows)?;
-            predict(&H100, &whole, true, &rows)?;
-            println!("every second row of tiles");
-            predict(&ORIN_NX, &view.counts(seen, 1), true, &rows)?;
-        }
-    }
-    Ok(())
-}
-
 /// Fastest times of the stages of a job at a level, in milliseconds.
 fn measured(renderer: &mut Renderer, level: usize, job: Job, pose: &Pose) -> Times {
     let mut best: Vec<StageTime> = Vec::new();
@@ -419,8 +348,7 @@ fn belongs(stage: &str, part: &str) -> bool {
 }
 
 /// Work of a part of a picture or an evaluation.
-fn work(part: &str, counts: &Counts, on: &Machine, passes: u32) -> Work {
-    let cost = Cost { counts, sharing: &on.sharing, passes };
+fn work(part: &str, cost: &Cost) -> Work {
     let mut sum = Work::default();
     for stage in STAGES.iter().filter(|stage| belongs(stage, part)) {
         sum += cost.of(stage);
@@ -429,12 +357,12 @@ fn work(part: &str, counts: &Counts, on: &Machine, passes: u32) -> Work {
 }
 
 /// Prints a picture's stages, or an evaluation's: as the model predicts them here, and as measured.
-fn compare(c: &Counts, here: &Machine, evaluation: bool, measured: &[StageTime]) {
+fn compare(cost: &Cost, here: &Machine, evaluation: bool, measured: &[StageTime]) {
     println!("  {}", if evaluation { "evaluation" } else { "picture" });
     let parts = if evaluation { EVALUATION.as_slice() } else { &PICTURE };
     let mut total = [0.0; 2];
     for part in parts {
-        let work = work(part, c, here, PICTURE_PASSES);
+        let work = work(part, cost);
         let times = measured.iter().filter(|stage| belongs(stage.name, part));
         let took: f64 = times.map(|stage| stage.milliseconds).sum();
         let model = here.seconds(&work) * 1e3;
@@ -455,14 +383,12 @@ fn predicting(
     best: &Best,
 ) -> Result<(), Error> {
     let here = Machine {
-        name: "here",
         flops: best.ceilings.flops,
         bytes: best.ceilings.bytes,
-        latency: 0.0,
         dispatch: ceilings::dispatch_seconds(device, Clock::Device)?,
-        sharing: Sharing::of(engine, &seen.prior),
     };
-    println!("{}: {:.0} us per dispatch", here.name, here.dispatch * 1e6);
+    let sharing = Sharing::of(engine, &seen.prior);
+    println!("{:.0} us per dispatch", here.dispatch * 1e6);
     let factors = vec![1, 2, 4];
     let jacobians = vec![Jacobian::Flow];
     let plan = Plan { factors: factors.clone(), jacobians, profiled: true, ..Plan::picture() };
@@ -475,7 +401,8 @@ fn predicting(
         renderer.set_frame(level, &common::random_frame(1, &view.camera));
         for (job, evaluation) in [(Job::Draw, false), (Job::Sums(Jacobian::Flow), true)] {
             let times = measured(&mut renderer, level, job, &seen.pose)?;
-            compare(&c, &here, evaluation, &times);
+            let cost = Cost { counts: &c, sharing: &sharing, passes: PICTURE_PASSES };
+            compare(&cost, &here, evaluation, &times);
         }
     }
     Ok(())
@@ -486,10 +413,6 @@ fn main() -> anyhow::Result<()> {
     let device = engine.vulkan();
     println!("{}", engine.device());
     let seen = PriorView::new(&engine)?;
-    predictions(&engine, &seen)?;
-    if std::env::args().any(|argument| argument == "orin") {
-        return Ok(());
-    }
     let view = LevelView::new(&engine, &seen, 1)?;
     let mut best = Best { engine: &engine, ceilings: ceilings::measure(engine.vulkan())? };
     blending(&seen, &view, &mut best)?;

@@ -7,16 +7,12 @@
 //! These are estimates, best for the blending.
 
 mod counts;
-mod gpu;
-mod known;
 
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::shared::{BIN_TABLE, DIGITS, SUMS};
 
 pub use counts::Counts;
-pub use gpu::{Gpu, Times, is_modelled};
-pub use known::{H100, KnownGpu, ORIN_NX, SUBGROUP, compiled_rows};
 
 /// Passes of a picture's sort, and of that of an evaluation nobody sees.
 pub const PICTURE_PASSES: u32 = DIGITS;
@@ -54,10 +50,6 @@ pub struct Sharing {
     pub bin_table: f64,
     /// Rows of tiles of a band at most.
     pub band_rows: f64,
-    /// Invocations of a workgroup of stage `radix_scatter`.
-    pub scatter_lanes: f64,
-    /// Invocations of the scans' workgroups.
-    pub scan_lanes: f64,
     /// Pixels that an invocation of the blending stages draws per loaded splat, in a picture and in an evaluation, c.
     pub column: [f64; 2],
 }
@@ -69,13 +61,8 @@ impl Sharing {
         bin_blocks: 128.0,
         bin_table: BIN_TABLE as f64,
         band_rows: 6.0,
-        scatter_lanes: 128.0,
-        scan_lanes: 256.0,
         column: [4.0, 4.0],
     };
-
-    /// As other GPUs have it.
-    pub const LARGE_GPU: Sharing = Sharing { sort_blocks: 64, bin_blocks: 256.0, ..Sharing::GPU };
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
@@ -86,23 +73,16 @@ impl Sharing {
         let band_rows = f64::from(probe.band_rows());
         let sharing = Sharing { sort_blocks, bin_blocks, bin_table, band_rows, ..Sharing::GPU };
         match engine.device().in_lockstep() {
-            true => Sharing { scan_lanes: 8.0, scatter_lanes: 8.0, column: [8.0, 4.0], ..sharing },
+            true => Sharing { column: [8.0, 4.0], ..sharing },
             false => sharing,
         }
     }
 
-    /// Counters of a digit that a workgroup of the sort adds up, on average; and how many loads of them wait for each
-    /// other: 16 at a time, of four digits.
-    fn digit(&self) -> [f64; 2] {
+    /// Counters of a digit that a workgroup of the sort adds up, on average.
+    fn digit(&self) -> f64 {
         let table = BlockTable::new(1, self.sort_blocks.ilog2(), 0, 1);
         let (sums, each) = (f64::from(1 << table.log_sums()), f64::from(1 << table.log_each()));
-        [sums + (each - 1.0) / 2.0, ((sums / 4.0).ceil() + ((each - 1.0) / 4.0).ceil()) / 4.0]
-    }
-
-    /// Loads of a scan that wait for each other. For each column of its lanes it goes down the blocks twice, 16 loads
-    /// at a time.
-    fn scan(&self, columns: f64) -> f64 {
-        (columns / self.scan_lanes).ceil() * 2.0 * (self.bin_blocks / 16.0).ceil()
+        sums + (each - 1.0) / 2.0
     }
 }
 
@@ -113,9 +93,6 @@ pub struct Work {
     pub bytes: f64,
     /// Operations.
     pub flops: f64,
-    /// Loads that wait for each other.
-    #[serde(skip)]
-    pub chain: f64,
     /// Dispatches.
     #[serde(skip)]
     pub dispatches: f64,
@@ -125,7 +102,6 @@ impl std::ops::AddAssign for Work {
     fn add_assign(&mut self, other: Work) {
         self.bytes += other.bytes;
         self.flops += other.flops;
-        self.chain += other.chain;
         self.dispatches += other.dispatches;
     }
 }
@@ -137,7 +113,6 @@ impl std::ops::Mul<f64> for Work {
         Work {
             bytes: self.bytes * times,
             flops: self.flops * times,
-            chain: self.chain * times,
             dispatches: self.dispatches * times,
         }
     }
@@ -175,7 +150,6 @@ impl Cost<'_> {
         Work {
             bytes: c.splats * (56.0 + 4.0) + c.visible * (8.0 * c.planes + 48.0) + self.table(),
             flops: c.splats * 200.0 + c.visible * (60.0 + 6.0 * c.coefficients),
-            chain: 4.0 * (c.splats / (f64::from(self.sharing.sort_blocks) * 128.0)).ceil(),
             dispatches: 1.0,
         }
     }
@@ -189,23 +163,18 @@ impl Cost<'_> {
     fn sort(&self, stage: &str) -> Work {
         let (c, passes) = (self.counts, f64::from(self.passes));
         let (n, v, later) = (c.splats, c.visible, passes - 1.0);
-        // Keys of an invocation.
-        let keys = |lanes: f64| v / (f64::from(self.sharing.sort_blocks) * lanes);
         if stage == "radix_count" {
             // Stage `project` counts the first digit.
             let bytes = later * (4.0 * v + self.table());
-            let (flops, chain) = (20.0 * later * v, later * keys(128.0));
-            return Work { bytes, flops, chain, dispatches: later };
+            return Work { bytes, flops: 20.0 * later * v, dispatches: later };
         }
-        let ([counters, waits], lanes) = (self.sharing.digit(), self.sharing.scatter_lanes);
+        let counters = self.sharing.digit();
         let blocks = f64::from(self.sharing.sort_blocks);
         // The first pass makes its values, the last writes no keys.
         let moved = 4.0 * n + 8.0 * v + 16.0 * later * v - 4.0 * v;
         Work {
             bytes: moved + passes * counters * self.table(),
             flops: passes * (40.0 * v + 2.0 * counters * blocks * c.digits),
-            // It counts its keys and moves them, four at a time.
-            chain: passes * (2.0 * keys(lanes) / 4.0 + waits * c.digits / lanes),
             dispatches: passes,
         }
     }
@@ -214,19 +183,16 @@ impl Cost<'_> {
     fn lists(&self, stage: &str) -> Work {
         let c = self.counts;
         let table = 4.0 * self.sharing.bin_blocks * c.tiles;
-        let share = 2.0 * c.visible / (self.sharing.bin_blocks * 32.0);
         let bands = c.bands(self.sharing);
         let read = bands * 28.0 * c.visible;
         let flops = bands * 40.0 * c.visible + 45.0 * c.rows;
-        let (bytes, flops, chain) = match stage {
-            "bin_count" => (read + table, flops + 4.0 * c.rows, share),
-            "bin_scan" => (3.0 * table, 0.0, self.sharing.scan(c.tiles)),
+        let (bytes, flops) = match stage {
+            "bin_count" => (read + table, flops + 4.0 * c.rows),
+            "bin_scan" => (3.0 * table, 0.0),
             // Reads each place twice. Writes the list, and the two ends of each tile's part.
-            _ => {
-                (read + 2.0 * table + 8.0 * c.pairs + 8.0 * c.tiles, flops + 30.0 * c.pairs, share)
-            }
+            _ => (read + 2.0 * table + 8.0 * c.pairs + 8.0 * c.tiles, flops + 30.0 * c.pairs),
         };
-        Work { bytes, flops, chain, dispatches: 1.0 }
+        Work { bytes, flops, dispatches: 1.0 }
     }
 
     /// An entry of the list and a record; five floats per pixel.
@@ -236,7 +202,6 @@ impl Cost<'_> {
         Work {
             bytes: ENTRY * blended / TILE_PIXELS + 8.0 * c.tiles + 20.0 * c.pixels,
             flops: (PICTURE_FLOPS + COLUMN / column) * blended,
-            chain: 2.0,
             dispatches: 1.0,
         }
     }
@@ -250,55 +215,45 @@ impl Cost<'_> {
         Work {
             bytes: (ENTRY + derivatives) * blended / TILE_PIXELS + tile * c.tiles + 12.0 * c.pixels,
             flops: (flops + COLUMN / column) * blended + SHARE * c.pixels,
-            chain: 2.0,
             dispatches: 1.0,
         }
     }
 
     fn small(&self, stage: &str) -> Work {
         let c = self.counts;
-        let (bytes, flops, chain) = match stage {
+        let (bytes, flops) = match stage {
             "pose_jacobian" => (
                 4.0 * c.splats + c.visible * (56.0 + 8.0 * c.planes + 48.0 + 192.0),
                 c.visible * (700.0 + 24.0 * c.coefficients),
-                4.0,
             ),
-            // Eight invocations per sum, eight loads at a time.
             "reduce" | "solve" => {
                 let sums = f64::from(SUMS) * c.tiles;
-                (4.0 * sums, sums, c.tiles / 64.0)
+                (4.0 * sums, sums)
             }
             // Bytes of the whole frame, whatever the level; floats of the level.
-            "pyramid" => (3.0 * c.frame_pixels + 12.0 * c.pixels, 3.0 * c.frame_pixels, 1.0),
+            "pyramid" => (3.0 * c.frame_pixels + 12.0 * c.pixels, 3.0 * c.frame_pixels),
             // With the difference from a frame.
-            "quantize_rgb8" => ((20.0 + 3.0 + 6.0) * c.pixels, 12.0 * c.pixels, 1.0),
+            "quantize_rgb8" => ((20.0 + 3.0 + 6.0) * c.pixels, 12.0 * c.pixels),
             _ => return Work::default(),
         };
-        Work { bytes, flops, chain, dispatches: 1.0 }
+        Work { bytes, flops, dispatches: 1.0 }
     }
 }
 
 /// A device as the model sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Machine {
-    /// Its name.
-    pub name: &'static str,
     /// Operations per second; a multiply-add is two.
     pub flops: f64,
     /// Bytes per second.
     pub bytes: f64,
-    /// Seconds from a load to its value; 0 if loads do not overlap anyway.
-    pub latency: f64,
     /// Seconds of a dispatch with its barrier.
     pub dispatch: f64,
-    /// How it shares the stages.
-    pub sharing: Sharing,
 }
 
 impl Machine {
-    /// Seconds of some work: the longest of bytes, operations and waiting, plus the dispatches.
+    /// Seconds of some work: the longer of bytes and operations, plus the dispatches.
     pub fn seconds(&self, work: &Work) -> f64 {
-        let bound = (work.bytes / self.bytes).max(work.flops / self.flops);
-        bound.max(work.chain * self.latency) + work.dispatches * self.dispatch
+        (work.bytes / self.bytes).max(work.flops / self.flops) + work.dispatches * self.dispatch
     }
 }

@@ -24,7 +24,6 @@ use serde::{Deserialize, Serialize};
 use crate::ceilings::{self, Ceilings, Clock};
 use crate::verify_device::verify;
 use host::Host;
-use model::Predictor;
 use pace::Pace;
 use schema::{Best, DeviceFacts, Missing, Model, Report, VERSION};
 
@@ -155,17 +154,14 @@ impl Measuring {
         }
         self.report.ceilings = self.part("ceilings", || Best::measure(engine, clock));
         let best = self.report.ceilings;
-        let model = Predictor::of(engine, subject.prior, &self.report.host, best.as_ref());
-        let predictor = model.unwrap_or_else(|why| {
-            self.missing("prediction of stages", why);
-            Predictor::None
-        });
-        self.report.model = predictor.about();
+        let machine = model::machine(engine.device().kind, best.as_ref());
+        let machine = machine.map_err(|why| self.missing("prediction of stages", why)).ok();
+        self.report.model = model::about(machine.as_ref());
         // Larger pictures take longer, but not everything does.
         let widths = || subject.cameras.iter().map(|camera| f64::from(camera.width));
         for (camera, width) in subject.cameras.iter().zip(widths()) {
             let seconds = bounds.seconds * SIZES * width / widths().sum::<f64>();
-            self.size(engine, subject, camera, &predictor, seconds);
+            self.size(engine, subject, camera, machine, seconds);
         }
     }
 }

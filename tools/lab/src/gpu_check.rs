@@ -1,11 +1,9 @@
 //! `make gpu-check`: what a GPU's compiler makes of the engine's pipelines, without a GPU. Mesa's RADV compiles for a
 //! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device: `docs/gpu.md`.
 
-mod assembly;
-mod compiled;
+mod lanes;
 mod row;
 mod table;
-mod units;
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
@@ -15,11 +13,9 @@ use nvsprior::render::inspection;
 use nvsprior::vulkan::Device;
 
 use crate::report::write_json;
-pub use assembly::{Instructions, Loop, work_loop};
-pub use row::Row;
+use lanes::{IDLE, Idle};
+use row::Row;
 use table::Comparison;
-use units::{IDLE, Idle};
-pub use units::{SPLATS_PER_ROUND, form, workers};
 
 /// Ask a GPU's compiler about the engine's pipelines, without a GPU
 ///
@@ -27,15 +23,12 @@ pub use units::{SPLATS_PER_ROUND, form, workers};
 /// exception, or if the figures are not those of docs/gpu.md.
 #[derive(clap::Parser)]
 pub struct Args {
-    /// Writes the table of docs/gpu.md anew, and the stages that the program predicts GPUs by
+    /// Writes the table of docs/gpu.md anew
     #[arg(long)]
     renew: bool,
     /// The document with the table
     #[arg(long, value_name = "FILE", default_value = "docs/gpu.md")]
     document: PathBuf,
-    /// The file of the stages that the program predicts GPUs by
-    #[arg(long, value_name = "FILE", default_value = "tools/lab/src/cost/compiled.json")]
-    compiled: PathBuf,
     /// The folder that report.json is written to
     #[arg(long, value_name = "DIR", default_value = "target/gpu-check")]
     report: PathBuf,
@@ -75,7 +68,6 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         ),
         comparison => {
             faults.extend(stale(&rows, IDLE));
-            faults.extend(compiled::check(&args.compiled, &rows, args.renew)?);
             faults.extend(fault_of(comparison, args));
         }
     }
@@ -136,7 +128,7 @@ fn stale(rows: &[Row], exceptions: &[Idle]) -> Vec<String> {
             if !rows.iter().filter(own).any(|row| row.lanes_used < 1.0) {
                 stale.push(format!(
                     "{module} has no idle lanes at subgroups of {subgroup}, and is an exception in \
-                     tools/lab/src/gpu_check/units.rs"
+                     tools/lab/src/gpu_check/lanes.rs"
                 ));
             }
         }

@@ -6,7 +6,6 @@ use nvsprior::{Camera, EncoderOptions, Engine};
 use nvsprior_inputs::args::{progress, with_progress};
 
 use super::coding::{self, Found};
-use super::model::Predictor;
 use super::pace::Pace;
 use super::schema::Size;
 use super::{Frame, Measuring, Subject, stages};
@@ -16,6 +15,7 @@ use crate::bench::report::Figures;
 use crate::bench::stages::Runs;
 use crate::bench::statistics::median;
 use crate::bench::{perturbed, steady, trials};
+use crate::cost::Machine;
 
 /// The demo's: a frame starts from the one before if the mean squared error there is below this.
 const THRESHOLD: f64 = 1e-2;
@@ -32,14 +32,14 @@ const TRIALS: f64 = 0.3;
 const CODING: f64 = 0.1;
 
 /// A size under way.
-struct Measured<'a> {
+struct Measured {
     context: Context,
     size: Size,
     /// What all of it may take, about.
     seconds: f64,
     /// What a forward render takes.
     render_seconds: f64,
-    predictor: &'a Predictor,
+    machine: Option<Machine>,
 }
 
 impl Measuring {
@@ -49,7 +49,7 @@ impl Measuring {
         engine: &Engine,
         subject: &Subject,
         camera: &Camera,
-        predictor: &Predictor,
+        machine: Option<Machine>,
         seconds: f64,
     ) {
         let most = self.report.bounds.frames as usize + 1;
@@ -61,7 +61,7 @@ impl Measuring {
         });
         let size = Size::of(&context);
         let render_seconds = forward.unwrap_or(f64::NAN) * 1e-3;
-        let mut measured = Measured { context, size, seconds, render_seconds, predictor };
+        let mut measured = Measured { context, size, seconds, render_seconds, machine };
         self.stages(&mut measured, camera);
         let found = self.follow(&mut measured, camera);
         self.coding(&mut measured, camera, &found, subject.budgets);
@@ -76,9 +76,10 @@ impl Measuring {
         let Some(best) = self.report.ceilings else { return };
         let end = Some(self.pace(measured.seconds * STAGES).end());
         let runs = Runs { most: self.report.bounds.runs, end, fastest: true };
-        let Measured { context, predictor, .. } = &measured;
-        let rows =
-            self.part(&at(camera, "stages"), || stages::measure(context, &best, predictor, runs));
+        let Measured { context, machine, .. } = &measured;
+        let rows = self.part(&at(camera, "stages"), || {
+            stages::measure(context, &best, machine.as_ref(), runs)
+        });
         measured.size.stages = rows.unwrap_or_default();
     }
 

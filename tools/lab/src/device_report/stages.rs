@@ -1,12 +1,11 @@
 //! The device's time by stage, beside the ceilings and the model.
 
-use super::model::Predictor;
 use super::schema::{Best, StageRow};
 use crate::bench::context::Context;
 use crate::bench::stages::{
     FLOW, PICTURE, Part, Runs, SEARCH, Stages, measure_jobs, search_nearby,
 };
-use crate::cost::{Cost, Sharing, Work};
+use crate::cost::{Cost, Machine, Sharing, Work};
 
 /// Stages of every job, and those that only one job has. They are listed if the device cannot time them.
 const LISTS: [&str; 6] =
@@ -21,38 +20,34 @@ const OWN: [(&str, &[&str]); 3] = [
 pub fn measure(
     context: &Context,
     best: &Best,
-    predictor: &Predictor,
+    machine: Option<&Machine>,
     runs: Runs,
 ) -> anyhow::Result<Vec<StageRow>> {
     let stages = measure_jobs(context, best.rates, &[PICTURE, FLOW], search_nearby, runs)?;
     let sharing = Sharing::of(&context.engine, &context.prior);
-    rows(&stages, &sharing, predictor)
+    Ok(rows(&stages, &sharing, machine))
 }
 
-fn rows(
-    stages: &Stages,
-    sharing: &Sharing,
-    predictor: &Predictor,
-) -> anyhow::Result<Vec<StageRow>> {
-    let row = |job: &str, name: &str, ms: Option<f64>| -> anyhow::Result<StageRow> {
-        let (mut work, mut predicted) = (Work::default(), Some(0.0));
+fn rows(stages: &Stages, sharing: &Sharing, machine: Option<&Machine>) -> Vec<StageRow> {
+    let row = |job: &str, name: &str, ms: Option<f64>| {
+        let (mut work, mut seconds) = (Work::default(), 0.0);
         for Part { counts, passes, times } in stages.parts(job, name) {
-            let cost = Cost { counts, sharing, passes };
-            work += cost.of(name) * times;
-            let part = predictor.seconds(name, &cost)?;
-            predicted = predicted.zip(part).map(|(sum, part)| sum + part * times);
+            let part = Cost { counts, sharing, passes }.of(name);
+            work += part * times;
+            seconds += machine.map_or(0.0, |machine| machine.seconds(&part) * times);
         }
         let ceilings = &stages.ceilings;
         let ceiling = (work.bytes / ceilings.bytes).max(work.flops / ceilings.flops);
-        Ok(StageRow {
+        let is_counted = machine.is_some() && work != Work::default();
+        StageRow {
             job: job.into(),
             name: name.into(),
             ms,
             bytes: work.bytes,
             flops: work.flops,
             ceiling_ms: (ceiling > 0.0).then_some(ceiling * 1e3),
-            predicted_ms: predicted.map(|seconds| seconds * 1e3),
-        })
+            predicted_ms: is_counted.then_some(seconds * 1e3),
+        }
     };
     if stages.stages.is_empty() {
         let names = OWN
@@ -67,7 +62,7 @@ fn rows(
 mod tests {
     use super::*;
     use crate::ceilings::Ceilings;
-    use crate::cost::{Counts, Machine, ORIN_NX, compiled_rows};
+    use crate::cost::Counts;
 
     fn stages() -> Stages {
         let counts = Counts {
@@ -87,21 +82,14 @@ mod tests {
         Stages::unmeasured(Ceilings { flops: 1e11, bytes: 1e10 }, counts, 2.0)
     }
 
-    fn rows_of(predictor: &Predictor) -> Vec<StageRow> {
-        rows(&stages(), &Sharing::GPU, predictor).unwrap()
+    fn rows_of(machine: Option<&Machine>) -> Vec<StageRow> {
+        rows(&stages(), &Sharing::GPU, machine)
     }
 
     #[test]
     fn without_timestamps_stages_are_listed_with_what_is_known() {
-        let machine = Machine {
-            name: "here",
-            flops: 1e11,
-            bytes: 1e10,
-            latency: 0.0,
-            dispatch: 1e-5,
-            sharing: Sharing::GPU,
-        };
-        let rows = rows_of(&Predictor::Ceilings(machine));
+        let machine = Machine { flops: 1e11, bytes: 1e10, dispatch: 1e-5 };
+        let rows = rows_of(Some(&machine));
         let find =
             |job: &str, name: &str| rows.iter().find(|r| r.job == job && r.name == name).unwrap();
         let splat = find(PICTURE.0, "splat");
@@ -116,20 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_gpu_is_predicted_by_the_compiled_stages() {
-        let rows = rows_of(&Predictor::Compiled(ORIN_NX, compiled_rows().unwrap()));
-        let predicted =
-            |name: &str| rows.iter().find(|row| row.name == name).and_then(|row| row.predicted_ms);
-        for name in LISTS.iter().chain(&["splat", "splat_flow", "solve", "quantize_rgb8"]) {
-            let ms = predicted(name).unwrap_or_else(|| panic!("{name} is not predicted"));
-            // From one dispatch to some milliseconds: docs/latency.md.
-            assert!((0.005..10.0).contains(&ms), "{name}: {ms}");
-        }
-        assert_eq!(predicted("pyramid"), None, "the model does not have it");
-    }
-
-    #[test]
     fn without_a_model_there_is_no_prediction() {
-        assert!(rows_of(&Predictor::None).iter().all(|row| row.predicted_ms.is_none()));
+        assert!(rows_of(None).iter().all(|row| row.predicted_ms.is_none()));
     }
 }

@@ -6,8 +6,7 @@ use nvsprior::render::inspection::{Stage, prior_kinds};
 use nvsprior_kernels::modules;
 use serde::{Deserialize, Serialize};
 
-use super::assembly::{Assembly, Instructions, Loop, work_loop};
-use super::units::{ranking_rounds, unit, workers};
+use super::lanes::workers;
 
 /// Subgroups that a SIMD of RDNA 2 holds at most, as RADV counts them.
 const SUBGROUPS_PER_SIMD: f64 = 32.0;
@@ -45,16 +44,6 @@ pub struct Row {
     pub occupancy: f64,
     /// All instructions that stand in the code.
     pub instructions: u32,
-    /// By kind.
-    pub by_kind: Instructions,
-    /// The unit of work of the loop that does most; empty if there is no loop.
-    pub loop_unit: String,
-    /// Vector instructions of that loop for each unit.
-    pub loop_instructions: Option<f64>,
-    /// Of these, the transcendental ones.
-    pub loop_transcendental: Option<f64>,
-    /// All loops.
-    pub loops: Vec<Loop>,
 }
 
 /// The rows of some stages; one for all kinds of priors for which the figures are the same.
@@ -94,17 +83,6 @@ fn variant(priors: &[PipelineKey]) -> String {
     }
 }
 
-/// These loops, with the rounds of those that rank invocations: they load and store nothing.
-fn ranking(loops: Vec<Loop>, rounds: Option<u32>) -> Vec<Loop> {
-    let of = |l: Loop| {
-        let Instructions { memory, shared, scalar_loads, .. } = l.own;
-        let ranks = l.inner.is_empty() && memory + shared + scalar_loads == 0.0;
-        let own = if ranks { rounds } else { None };
-        Loop { rounds: l.rounds.or(own), inner: ranking(l.inner, rounds), ..l }
-    };
-    loops.into_iter().map(of).collect()
-}
-
 impl Row {
     fn of(stage: &Stage, compiler: &str, subgroup: u32) -> anyhow::Result<Row> {
         let compiled = &stage.compiled;
@@ -120,17 +98,6 @@ impl Row {
         let whole = |name: &str| statistic(name).map(|value| value as u32);
         let occupancy = statistic("Subgroups per SIMD")? / SUBGROUPS_PER_SIMD;
         anyhow::ensure!(occupancy <= 1.0, "more subgroups per SIMD than {SUBGROUPS_PER_SIMD}");
-        let text = compiled.assembly.as_deref().context("the driver yields no assembly")?;
-        let assembly = Assembly::of(text);
-        let (count, instructions) = (assembly.count(), whole("Instructions")?);
-        anyhow::ensure!(
-            count == instructions as usize,
-            "{count} instructions were read, the driver tells {instructions}"
-        );
-        let loops = ranking(assembly.loops(), ranking_rounds(module));
-        let unit = unit(module);
-        let work = unit.zip(work_loop(&loops));
-        let per_unit = work.map(|(unit, l)| l.round() * (1.0 / f64::from(unit.per_round)));
         Ok(Row {
             compiler: compiler.into(),
             stage: stage.name.into(),
@@ -146,12 +113,7 @@ impl Row {
             scratch_bytes: whole("Scratch size")?,
             shared_bytes: whole("LDS size")?,
             occupancy,
-            instructions,
-            by_kind: assembly.instructions(),
-            loop_unit: work.map_or(String::new(), |(unit, _)| unit.name.into()),
-            loop_instructions: per_unit.map(|per_unit| per_unit.vector),
-            loop_transcendental: per_unit.map(|per_unit| per_unit.transcendental),
-            loops,
+            instructions: whole("Instructions")?,
         })
     }
 

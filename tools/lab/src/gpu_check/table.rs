@@ -1,7 +1,7 @@
 //! The report as the table of `docs/gpu.md`, and the comparison of the two.
 
 use super::row::Row;
-use crate::report::{Table, between, fixed, fixed_or_empty};
+use crate::report::{Table, between, fixed};
 
 const BEGIN: &str = "<!-- gpu-check: written by `make gpu-check RENEW=1` -->\n";
 const END: &str = "<!-- gpu-check: end -->\n";
@@ -19,9 +19,6 @@ pub fn table(rows: &[Row], subgroup: u32) -> Table {
         "occupancy",
         "spills",
         "instructions",
-        "vector, per unit",
-        "transcendental",
-        "unit of the loop",
     ]);
     let rows: Vec<&Row> = rows.iter().filter(|row| row.subgroup == subgroup).collect();
     for (at, row) in rows.iter().enumerate() {
@@ -47,9 +44,6 @@ fn cells(row: &Row) -> Vec<String> {
         share(row.occupancy),
         row.spills.to_string(),
         row.instructions.to_string(),
-        fixed_or_empty(row.loop_instructions, 1),
-        fixed_or_empty(row.loop_transcendental, 1),
-        row.loop_unit.clone(),
     ]
 }
 
@@ -143,9 +137,6 @@ mod tests {
             shared_bytes: 1024,
             occupancy: 21.0 / 32.0,
             instructions: 531,
-            loop_unit: "key".into(),
-            loop_instructions: Some(46.5),
-            loop_transcendental: Some(0.0),
             ..Row::default()
         }
     }
@@ -158,8 +149,7 @@ mod tests {
     #[test]
     fn statistics_stand_in_the_table() {
         let (document, _) = document();
-        let line =
-            "| splat | splat | 32 | 100 % | 48 | 38 | 1024 | 66 % | 0 | 531 | 46.5 | 0.0 | key |";
+        let line = "| splat | splat | 32 | 100 % | 48 | 38 | 1024 | 66 % | 0 | 531 |";
         assert!(document.contains(line), "{document}");
         assert!(document.contains(&line.replace("100 %", "50 %")), "{document}");
         assert!(document.contains("Mesa 1.2") && document.contains("### Subgroups of 64"));
