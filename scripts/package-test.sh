@@ -37,7 +37,7 @@ strangers=$("${tools}nm" -g --defined-only "$lib/libnvsprior.a" |
 glibc=$("${tools}readelf" -V "$lib/libnvsprior.so" | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -1)
 [ -z "${GLIBC:-}" ] || scripts/glibc-check.sh "$GLIBC" "$lib/libnvsprior.so"
 soname=$("${tools}readelf" -d "$lib/libnvsprior.so" | sed -n 's/.*soname: \[\(.*\)\]/\1/p')
-abi=$(sed -n 's/^#define NVSP_ABI_VERSION //p' include/nvsprior.h)
+abi=$(sed -n 's/^#define NVSP_ABI_VERSION \([0-9]*\).*/\1/p' include/nvsprior.h)
 [ "$soname" = "libnvsprior.so.$abi" ] || fail "the soname is $soname, the ABI $abi"
 
 # By pkg-config.
