@@ -108,7 +108,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
             Err(error) => {
                 if failed < NAMED {
-                    bar.suspend(|| eprintln!("{}: {error:#}", path.display()));
+                    bar.suspend(|| tell!("{}: {error:#}", path.display()));
                 }
                 failed += 1;
                 foreign += usize::from(is_foreign(&error));
@@ -119,13 +119,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     bar.finish_and_clear();
     if failed > NAMED {
-        eprintln!("and {} more", failed - NAMED);
+        tell!("and {} more", failed - NAMED);
     }
     if foreign > 0 {
-        eprintln!("{}", if_foreign(&scene));
+        tell!("{}", if_foreign(&scene));
     }
     if strange > 0 {
-        eprintln!(
+        tell!(
             "{strange} packets were refused by their tags: --key, --epoch and --tag must be as with `encode`"
         );
     }
@@ -175,7 +175,7 @@ fn decode(
     let mut decoded = Decoded::default();
     decoder.decode_into(packet, trust, &mut decoded)?;
     if let Some(damage) = &decoded.damage {
-        eprintln!("{}: {damage}; the render alone is written", path.display());
+        tell!("{}: {damage}; the render alone is written", path.display());
     }
     let name = path.with_extension("png");
     let name = Path::new(name.file_name().context("a packet without a name")?);

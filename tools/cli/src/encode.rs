@@ -245,7 +245,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.mode = mode;
     options.tune = args.tune.tune();
     if options.mode != Mode::Intra && !engine.device().portable {
-        eprintln!("the device is not portable: every frame is an intra frame");
+        tell!("the device is not portable: every frame is an intra frame");
     }
     options.render_checks = RenderChecks::every(args.rate.render_check);
     options.truth = !args.rate.no_truth;

@@ -76,6 +76,6 @@ fn print_gains(held_out: &[FilterExample], weights: &FilterWeights) {
         row(&format!("step {:.0}", gain.step), text);
     }
     if best <= 0.0 {
-        eprintln!("the filter gains nothing on frames that it has not seen; train on more frames");
+        tell!("the filter gains nothing on frames that it has not seen; train on more frames");
     }
 }

@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         report.format
     );
     for dropped in &report.dropped {
-        eprintln!("{name}: {dropped}");
+        tell!("{name}: {dropped}");
     }
     let mut bytes = Vec::new();
     let id = compact::write_exact(prior.splats(), &prior.besides(), &mut bytes)?;

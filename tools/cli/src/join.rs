@@ -70,7 +70,7 @@ fn from_udp(args: &Args, address: &str) -> anyhow::Result<Joined> {
     let mut joined = Joined::new(args.mtu.map_or(MIN_MTU, usize::from), &args.out)?;
     let socket = UdpSocket::bind(address).with_context(|| format!("--udp {address}"))?;
     socket.set_read_timeout(Some(Duration::from_secs(args.idle.into())))?;
-    eprintln!("waiting for frames at {}", socket.local_addr()?);
+    tell!("waiting for frames at {}", socket.local_addr()?);
     let mut frame = vec![0; 1 << 16];
     loop {
         match socket.recv(&mut frame) {

@@ -1,5 +1,8 @@
 //! `nvsprior`: encodes frames against a prior, decodes packets, renders, inspects, measures.
 
+#[macro_use]
+extern crate nvsprior_inputs;
+
 mod blocks;
 mod container;
 mod decode;
@@ -122,7 +125,7 @@ fn main() -> ExitCode {
 /// The exit code; names what failed.
 fn report(result: anyhow::Result<ExitCode>) -> ExitCode {
     result.unwrap_or_else(|error| {
-        eprintln!("nvsprior: {error:#}");
+        tell!("nvsprior: {error:#}");
         if error.is::<WrongUsage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
     })
 }

@@ -344,7 +344,7 @@ impl Made<'_> {
         let file = PriorFile::open(&self.args.out, None);
         // The prior is there, and is worth more.
         if let Err(error) = file.and_then(|file| file.save_extras(&extras)) {
-            eprintln!(
+            tell!(
                 "warning: {error:#}; the prior does not say how far pictures and poses are off; \
                  `nvsprior doubt` adds the former"
             );

@@ -28,7 +28,7 @@ impl PriorFile {
         let prior = match Prior::from_file(path, bytes.clone(), &Default::default()) {
             Ok(prior) => prior,
             Err(error) => {
-                eprintln!("{error}; it is written anew");
+                tell!("{error}; it is written anew");
                 own
             }
         };

@@ -109,7 +109,7 @@ fn take_from(
                 // If there is no room, it is dropped.
                 Ok(Some((bytes, from))) => drop(sender.try_send(as_came(bytes.to_vec(), from))),
                 Err(error) => {
-                    eprintln!("channel: {error}");
+                    tell!("channel: {error}");
                     std::thread::sleep(Duration::from_secs(1));
                 }
             }

@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = args.prior.open()?;
     if prior.extras().doubt.is_none() {
         let prior = args.prior.prior.display();
-        eprintln!("{prior}: without doubt: all that was not seen is doubtful (`nvsprior doubt`)");
+        tell!("{prior}: without doubt: all that was not seen is doubtful (`nvsprior doubt`)");
     }
     let engine = args.device.open()?;
     let prior_file = args.prior.prior.file_name().unwrap_or_default().display().to_string();

@@ -63,7 +63,7 @@ impl Journal {
         if let Err(error) = &written
             && !self.is_torn
         {
-            eprintln!("--log {}: {error}; the dive goes on", path.display());
+            tell!("--log {}: {error}; the dive goes on", path.display());
         }
         self.is_torn = written.is_err();
     }

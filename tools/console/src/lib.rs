@@ -4,6 +4,9 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+#[macro_use]
+extern crate nvsprior_inputs;
+
 pub mod channel;
 pub mod console;
 mod endpoint;

@@ -320,7 +320,7 @@ impl Dive {
         let mut state = Vec::new();
         self.vehicle.link().state(&mut state);
         if let Err(error) = file.write(&state) {
-            eprintln!("{error}; before a start again, give both sides the next --epoch");
+            tell!("{error}; before a start again, give both sides the next --epoch");
             self.state = None;
         }
     }

@@ -84,7 +84,7 @@ impl DeviceArgs {
         let (device, validation) = (self.device.clone(), self.validate);
         let options = DeviceOptions { device, validation, watchdog, ..DeviceOptions::default() };
         let engine = Engine::new(&options)?;
-        eprintln!("device: {}", engine.device());
+        tell!("device: {}", engine.device());
         Ok(engine)
     }
 
@@ -103,7 +103,7 @@ impl PriorArgs {
     pub fn open(&self) -> anyhow::Result<Prior> {
         let prior = Prior::open(&self.prior, &self.overrides.overrides())?;
         for dropped in &prior.report().dropped {
-            eprintln!("{}: {dropped}", self.prior.display());
+            tell!("{}: {dropped}", self.prior.display());
         }
         Ok(prior)
     }

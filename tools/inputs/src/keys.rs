@@ -71,7 +71,7 @@ fn read(path: &Path) -> anyhow::Result<Keys> {
     {
         use std::os::unix::fs::PermissionsExt;
         if file.permissions().mode() & 0o077 != 0 {
-            eprintln!("{}: others than its owner may use this key file: chmod 600", path.display());
+            tell!("{}: others than its owner may use this key file: chmod 600", path.display());
         }
     }
     let text = Zeroizing::new(std::fs::read_to_string(path).with_context(named)?);

@@ -3,6 +3,15 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+/// As `eprintln`, but a log on a full disk ends no program.
+#[macro_export]
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 pub mod args;
 pub mod camera_file;
 mod child;

@@ -52,7 +52,7 @@ impl VideoInputArgs {
             None => (lens()?, "the prior's lens".into()),
         };
         let video = Video::open(path, self.decoder)?;
-        eprintln!("{}", video.command);
+        tell!("{}", video.command);
         let lens = lens_for(&lens, &video)?;
         let camera = input.size.reduced(&lens.pinhole());
         camera.check().with_context(|| of.clone())?;
@@ -192,7 +192,7 @@ impl VideoFrames {
         }
         if let Some(Ended::CutOff(said)) = self.reader.ended() {
             let last = self.taken.last.unwrap_or_default();
-            eprintln!("{}: is cut off or damaged after {last:.1} s: {said}", self.video.name());
+            tell!("{}: is cut off or damaged after {last:.1} s: {said}", self.video.name());
         }
         Ok(None)
     }

@@ -65,7 +65,7 @@ impl VideoArgs {
         }
         bar.finish_and_clear();
         let command = encode_video(&folder, self.fps, file, self.decoder)?;
-        eprintln!("{command}");
+        tell!("{command}");
         let csv = beside(file, ".csv");
         std::fs::write(&csv, poses).with_context(|| format!("writing {}", csv.display()))?;
         std::fs::remove_dir_all(&folder)

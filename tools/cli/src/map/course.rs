@@ -68,10 +68,7 @@ impl Course<'_> {
             if share >= ALL_FROM && mapper.holds_out() {
                 (self.save)(mapper)?;
                 mapper.hold_out(&[]);
-                eprintln!(
-                    "step {}: the rest is with all pictures, in no step more",
-                    mapper.steps()
-                );
+                tell!("step {}: the rest is with all pictures, in no step more", mapper.steps());
             }
             let began = Instant::now();
             mapper.step(share)?;
@@ -98,7 +95,7 @@ impl Course<'_> {
             let most = LEFT_TOLD[due - 1].1;
             *told = due;
             let left = f64::from(all - mapper.steps()) / report.steps_per_second();
-            eprintln!("training: about {} left", range([left, most * left]));
+            tell!("training: about {} left", range([left, most * left]));
         }
     }
 

@@ -131,7 +131,7 @@ fn describe(listed: &Listed, host: &HostMemory, device: &TrainingMemory, goes_on
         count => format!("{count} points"),
     };
     let megabytes = |bytes: u64| bytes.div_ceil(1_000_000);
-    eprintln!(
+    tell!(
         "{} pictures of {}×{}, {} held out, {points}; up to {} MB of host memory and {} MB of device memory",
         train.len(),
         size.width,

@@ -94,7 +94,7 @@ impl PartsRun<'_> {
     /// The points of coarse priors: one for each cell, of the pictures that were taken there, which are reduced. A
     /// coarse prior of the whole run would have its splats as far away as the run is long.
     fn coarse_points(&self, own: &Parts) -> anyhow::Result<Vec<ColouredPoint>> {
-        eprintln!("no points: they are taken from coarse priors, which come first");
+        tell!("no points: they are taken from coarse priors, which come first");
         let by = (self.listed.size.height / COARSE_ROWS).clamp(1, COARSE_REDUCED);
         let options = MapOptions { reductions: vec![1], ..self.options.clone() };
         let mut points = Vec::new();
@@ -141,7 +141,7 @@ impl PartsRun<'_> {
 
     /// The splats that a part keeps.
     fn part(&self, parts: &Parts, part: usize) -> anyhow::Result<Splats> {
-        eprintln!("{} of {}", name(part), parts.count());
+        tell!("{} of {}", name(part), parts.count());
         self.trained(Trained {
             name: name(part),
             listed: self.listed_of(parts, part),
@@ -161,7 +161,7 @@ impl PartsRun<'_> {
         let division = crc32fast::hash(format!("{parts:?}").as_bytes());
         let done = self.folder().join(format!("{name}-{own:08x}{division:08x}.ply"));
         if self.args.resume && done.exists() {
-            eprintln!("{}: trained before", done.display());
+            tell!("{}: trained before", done.display());
             return read_splats(&done, options.sh_degree);
         }
         let out = self.folder().join(format!("{name}.ply"));

@@ -68,11 +68,11 @@ impl Rehearsal<'_> {
     ) -> anyhow::Result<Option<Worth>> {
         let pictures = mapper.pictures();
         let Some(budget) = self.budget.filter(|_| pictures >= LEAST) else {
-            eprintln!("how far off poses will be on a dive is not measured");
+            tell!("how far off poses will be on a dive is not measured");
             return Ok(None);
         };
         let since = Instant::now();
-        eprintln!("rehearsal: without stretches of the run, to learn how far off poses will be");
+        tell!("rehearsal: without stretches of the run, to learn how far off poses will be");
         let posed = mapper.views()[..pictures].iter().zip(mapper.poses());
         let posed = posed.map(|(view, pose)| PosedPicture { pose: *pose, ..view.clone() });
         let (held_out, seen): (Vec<_>, Vec<_>) =
@@ -176,7 +176,7 @@ impl Worth {
         println!("the rehearsal took {:.0} s", self.seconds);
         let far = self.all().off(0.9).is_none_or(|(most, _)| most > FAR * self.depth);
         if far || self.all().certain() < FOUND {
-            eprintln!(
+            tell!(
                 "warning: this run does not determine where a camera is; pictures from more sides help: fly arcs \
                  around what is inspected, not towards it alone"
             );

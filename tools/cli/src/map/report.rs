@@ -145,7 +145,7 @@ impl Report {
         let shown: Vec<_> =
             splits.iter().map(|(split, psnr)| format!("{split} {psnr:.2} dB")).collect();
         if !shown.is_empty() {
-            eprintln!("step {step}, {:.0} s, {splats} splats: {}", point.seconds, shown.join(", "));
+            tell!("step {step}, {:.0} s, {splats} splats: {}", point.seconds, shown.join(", "));
         }
         self.points.push(point);
         let Some(folder) = self.folder.clone() else { return Ok(()) };
@@ -155,7 +155,7 @@ impl Report {
         if let Err(error) = written {
             // Hours of training are not given up for a full disk.
             let place = folder.display();
-            eprintln!("warning: {place}: {error:#}; the report of step {step} is not written");
+            tell!("warning: {place}: {error:#}; the report of step {step} is not written");
         }
         Ok(())
     }
@@ -253,7 +253,7 @@ impl Report {
         let trained = self.trained_psnr(mapper)?;
         let doubt = self.doubt(trained);
         if let Some(doubt) = &doubt {
-            eprintln!("warning: {doubt}");
+            tell!("warning: {doubt}");
         }
         let Some(folder) = &self.folder else { return Ok(()) };
         let median = (!self.times.is_empty()).then(|| median(self.times.iter().copied()));

@@ -22,7 +22,7 @@ impl Saved {
     pub fn resume(&self, mapper: &mut Mapper) -> anyhow::Result<()> {
         let named = || format!("{}", self.path.display());
         if !self.path.exists() {
-            eprintln!("{}: not there; training starts anew", named());
+            tell!("{}: not there; training starts anew", named());
             return Ok(());
         }
         let bytes = std::fs::read(&self.path).with_context(named)?;
@@ -30,7 +30,7 @@ impl Saved {
             .with_context(named)
             .context("going on from it (without --resume training starts anew)")?;
         mapper.resume(&state)?;
-        eprintln!("{}: goes on from step {}", named(), mapper.steps());
+        tell!("{}: goes on from step {}", named(), mapper.steps());
         Ok(())
     }
 
@@ -39,7 +39,7 @@ impl Saved {
     pub fn save(&self, mapper: &Mapper) -> anyhow::Result<()> {
         let bytes = write_state(&mapper.state()?, self.fingerprint);
         if let Err(error) = replace_file(&self.path, &bytes) {
-            eprintln!("warning: {error}; the state of step {} is not saved", mapper.steps());
+            tell!("warning: {error}; the state of step {} is not saved", mapper.steps());
         }
         Ok(())
     }

@@ -19,11 +19,11 @@ impl Shown {
 
     pub fn show(&mut self, progress: Progress) {
         match progress {
-            Progress::Says(text) => eprintln!("{text}"),
-            Progress::Warns(text) => eprintln!("warning: {text}"),
-            Progress::WasDone(step) => eprintln!("{step}: done before"),
+            Progress::Says(text) => tell!("{text}"),
+            Progress::Warns(text) => tell!("warning: {text}"),
+            Progress::WasDone(step) => tell!("{step}: done before"),
             Progress::Begins(step) => {
-                eprintln!("{step} …");
+                tell!("{step} …");
                 self.worked = true;
                 let bar = bar(step.clone());
                 self.running = Some((Instant::now(), step, bar));
@@ -36,7 +36,7 @@ impl Shown {
             Progress::Ends => {
                 if let Some((start, step, bar)) = self.running.take() {
                     bar.finish_and_clear();
-                    eprintln!("{step}: done in {:.0} s", start.elapsed().as_secs_f64());
+                    tell!("{step}: done in {:.0} s", start.elapsed().as_secs_f64());
                 }
             }
         }

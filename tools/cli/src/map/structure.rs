@@ -210,9 +210,9 @@ fn describe(found: &Structure) {
     let registered = posed.inputs.len();
     let error = found.reprojection_error.map(|error| format!(", error {error:.2} pixels"));
     let error = error.unwrap_or_default();
-    eprintln!("poses of {registered} of {pictures} pictures{error}; {}", unit(found));
+    tell!("poses of {registered} of {pictures} pictures{error}; {}", unit(found));
     for reason in &found.doubtful {
-        eprintln!("warning: {reason}");
+        tell!("warning: {reason}");
     }
     if missing.is_empty() {
         return;
@@ -220,5 +220,5 @@ fn describe(found: &Structure) {
     let listed = missing.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
     let others = missing.len().saturating_sub(LISTED);
     let others = if others > 0 { format!(" and {others} more") } else { String::new() };
-    eprintln!("no pose was found of {listed}{others}; they are left out");
+    tell!("no pose was found of {listed}{others}; they are left out");
 }

@@ -87,7 +87,7 @@ fn describe(record: &Record, folder: &Path, worked: bool) {
     let before = if worked { "" } else { " (chosen before)" };
     let overlaps: Vec<f64> = record.frames.iter().filter_map(|frame| frame.overlap).collect();
     let mean = 100.0 * overlaps.iter().sum::<f64>() / overlaps.len().max(1) as f64;
-    eprintln!(
+    tell!(
         "{} of {read} frames are in {}{before}; neighbours have {mean:.0} % in common on average",
         record.frames.len(),
         folder.display()

@@ -27,8 +27,6 @@ pub fn print(held_out: &[Pair], tables: &Tables) {
         (all_before, all_after) = (all_before + before, all_after + after);
     }
     if all_after >= all_before {
-        eprintln!(
-            "the tables save nothing on frames that they have not seen; train on more frames"
-        );
+        tell!("the tables save nothing on frames that they have not seen; train on more frames");
     }
 }

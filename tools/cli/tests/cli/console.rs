@@ -460,7 +460,9 @@ fn a_dive_is_kept_and_played_again() {
 fn a_full_disk_is_told_and_leaves_no_half_snapshot() {
     let dive = Dive::new();
     let mut limited = Command::new("sh");
-    let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"";
+    // What it says on stderr finds no room, either.
+    let script =
+        "trap '' XFSZ; head -c 9000 /dev/zero > said; ulimit -f 8; exec \"$0\" \"$@\" 2>> said";
     limited.args(["-c", script, env!("CARGO_BIN_EXE_nvsprior")]);
     let console = Console::by(&mut limited, &dive, "--udp 127.0.0.1:0");
     assert_eq!(console.post("/record", &json!({ "on": true })), 202);

@@ -165,7 +165,7 @@ impl VideoReader {
             if times > said {
                 said = times;
                 let seconds = waited.as_secs();
-                eprintln!("{}: no frame from {program} for {seconds} s", self.path.display());
+                tell!("{}: no frame from {program} for {seconds} s", self.path.display());
             }
             if waited >= longest {
                 self.running.kill();

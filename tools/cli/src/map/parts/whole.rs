@@ -40,7 +40,7 @@ impl Whole<'_> {
             Ok(measured) => measured,
             Err(error) => {
                 // The prior is there.
-                eprintln!("warning: {}: {error:#}; the whole is not measured", prior.display());
+                tell!("warning: {}: {error:#}; the whole is not measured", prior.display());
                 Vec::new()
             }
         };
@@ -52,7 +52,7 @@ impl Whole<'_> {
         if let Some(psnr) = all {
             let border =
                 at_border(true).map_or(String::new(), |psnr| format!(", {psnr:.2} dB at borders"));
-            eprintln!("the whole: {psnr:.2} dB held out{border}");
+            tell!("the whole: {psnr:.2} dB held out{border}");
         }
         let Some(folder) = &self.run.args.report else { return Ok(()) };
         let mut report = Poses::json(self.poses.as_ref());
