@@ -1,10 +1,10 @@
 //! The files of an end of a link: its keys, and what it goes on with after a restart.
 
-use std::io::{ErrorKind, Write};
-use std::path::Path;
+use std::io::ErrorKind;
 
 use gst::prelude::*;
 use nvsprior::keys::{DEFAULT_TAG_BYTES, KeyError, Keys};
+use nvsprior::prior::replace_file;
 use zeroize::Zeroizing;
 
 /// Values of the properties about them.
@@ -66,19 +66,12 @@ impl EndFiles {
         };
         let mut bytes = Vec::new();
         state(&mut bytes);
-        if let Err(error) = replace(file.as_ref(), &bytes) {
-            let error = FileError::File { property: "state-file", file, error };
-            gst::element_warning!(element, gst::ResourceError::Write, ("{error}"));
+        if let Err(error) = replace_file(file.as_ref(), &bytes) {
+            gst::element_warning!(
+                element,
+                gst::ResourceError::Write,
+                ("property state-file: {error}")
+            );
         }
     }
-}
-
-/// Replaces what a file holds: all of it, or nothing.
-fn replace(file: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut name = file.as_os_str().to_owned();
-    name.push(".new");
-    let mut new = std::fs::File::create(&name)?;
-    new.write_all(bytes)?;
-    new.sync_all()?;
-    std::fs::rename(&name, file)
 }

@@ -128,7 +128,7 @@ pub(crate) struct Screen {
     /// The frame whose turn it is, after those between.
     turn: Option<Turn>,
     lacks_camera: bool,
-    /// Poses come that are predicted from such as are not held.
+    /// Packets come whose poses are predicted from poses that are not held.
     lacks_poses: bool,
     /// Of no whole packet all could be shown yet: a stream may go on from frames that a run before has seen.
     is_anew: bool,

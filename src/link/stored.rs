@@ -106,7 +106,7 @@ impl Stored {
         bytes.is_empty().then_some(stored)
     }
 
-    /// The keys of this side, which goes on where it was.
+    /// The keys of this side. Their numbers go on after those of the state.
     ///
     /// # Errors
     /// If their epoch lies before that of the state.
@@ -160,7 +160,7 @@ pub(super) struct Position<'a, S: Iterator<Item = Seen>> {
 }
 
 impl Keeper {
-    /// `stored`: where this side begins.
+    /// `stored`: what this side goes on with.
     pub fn new(side: Side, stored: Stored) -> Keeper {
         let has_frames = side == Side::Vehicle;
         let (next, frame) = (stored.next, stored.frame);

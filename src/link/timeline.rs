@@ -2,7 +2,7 @@
 
 use crate::modem::ModemError;
 
-/// Makes of a caller's times such that do not go back. A clock that is set back goes on from where it was.
+/// Turns a caller's times into times that never go back. After its clock is set back, time goes on from where it was.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Timeline {
     last: Option<f64>,
