@@ -19,7 +19,7 @@ use super::limits::Limits;
 use super::prior::{PriorContent, nvsp_prior};
 use super::slices::slice;
 use super::status::*;
-use super::structs::{Checked, In, Out, Place, versioned, zeroed};
+use super::structs::{Checked, In, Out, Place, flag, versioned, zeroed};
 use super::thread::{ThreadStart, spawner};
 
 /// Decodes packets, in any order. Example:
@@ -566,7 +566,6 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_decoded {
     };
     let known = unit.and_then(|unit| latent.known.map(|bound| bound.of_unit(unit)));
     let size = session.map_or((0, 0), |session| (session.camera.width, session.camera.height));
-    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     nvsp_decoded {
         prior_id: session.map_or(0, |session| session.prior.0),
         frame: latent.frame,
@@ -665,7 +664,6 @@ pub(super) fn decoded_of(decoded: &Decoded) -> nvsp_decoded {
 
 /// As nvsp_decoded.flags has them.
 fn flags_of(decoded: &Decoded) -> u32 {
-    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     flag(decoded.uncertain, super::encoder::NVSP_FRAME_UNCERTAIN)
         | flag(decoded.known.is_some(), super::encoder::NVSP_FRAME_POSITION_KNOWN)
         | flag(!decoded.portable, super::encoder::NVSP_FRAME_NOT_PORTABLE)

@@ -19,7 +19,7 @@ use super::limits::Limits;
 use super::prior::nvsp_prior;
 use super::slices::Room;
 use super::status::*;
-use super::structs::{Checked, In, Out, Place, number, versioned, zeroed};
+use super::structs::{Checked, In, Out, Place, flag, number, versioned, zeroed};
 
 /// Quality 10.
 pub const NVSP_RATE_DEFAULT: u32 = 0;
@@ -683,7 +683,6 @@ fn write(
         }
     })?;
     let loose = stats.observability.undetermined().next().is_some();
-    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     let mut covariance = [0.0; 36];
     covariance.copy_from_slice(stats.covariance.as_flattened());
     place.write(&nvsp_frame_stats {

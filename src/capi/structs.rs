@@ -234,6 +234,11 @@ macro_rules! versioned {
 }
 pub(super) use versioned;
 
+/// A bit of a structure's flags, if it is set.
+pub(super) fn flag(set: bool, bit: u32) -> u32 {
+    if set { bit } else { 0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

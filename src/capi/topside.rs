@@ -28,7 +28,7 @@ use super::memory::Grant;
 use super::prior::nvsp_prior;
 use super::slices::{Room, optional_slice, slice};
 use super::status::*;
-use super::structs::{In, Out, Place, number, versioned, zeroed};
+use super::structs::{In, Out, Place, flag, number, versioned, zeroed};
 use super::vehicle::{
     NVSP_LINK_MODEM_CHECKS, NVSP_LINK_NO_REPORTS, NVSP_LINK_UTC, check_flags, mtu_of, or, stream_of,
 };
@@ -461,7 +461,6 @@ fn clock_of(clock: Option<ClockSource>) -> u32 {
 }
 
 fn shown_of(shown: &Shown, decoded: &Decoded) -> nvsp_decoded {
-    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     let known = decoded_of(decoded);
     nvsp_decoded {
         frame: shown.frame as u32,
@@ -522,7 +521,6 @@ pub unsafe extern "C" fn nvsp_topside_packet(
 
 fn packet_of(due: &DuePacket, packet: &CollectedPacket, link: &TopsideLink) -> nvsp_decoded {
     let told = link.age(packet);
-    let flag = |set: bool, bit: u32| if set { bit } else { 0 };
     nvsp_decoded {
         frame: due.frame as u32,
         time: due.time,
