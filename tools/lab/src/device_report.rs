@@ -114,12 +114,12 @@ impl Measuring {
 
     /// Does a part, naming it; if it fails, notes why.
     fn part<T>(&mut self, what: &str, work: impl FnOnce() -> anyhow::Result<T>) -> Option<T> {
-        eprintln!("{:4.0} s: {what}", self.since.elapsed().as_secs_f64());
+        tell!("{:4.0} s: {what}", self.since.elapsed().as_secs_f64());
         match work() {
             Ok(value) => Some(value),
             Err(error) => {
                 let why = format!("{error:#}");
-                eprintln!("        failed: {why}");
+                tell!("        failed: {why}");
                 self.report.failures.push(Missing { what: what.into(), why });
                 None
             }

@@ -72,7 +72,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     }
     for fault in &faults {
-        eprintln!("gpu-check: {fault}");
+        tell!("gpu-check: {fault}");
     }
     Ok(if faults.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

@@ -6,6 +6,9 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+#[macro_use]
+extern crate nvsprior_inputs;
+
 pub mod bench;
 pub mod ceilings;
 pub mod cost;
