@@ -99,7 +99,7 @@ console-soak:
 # Other dives: SEED=10001.
 link-soak:
 	@scripts/setup.sh run
-	DIVES=10000 DEVICE_DIVES=100 cargo test -p nvsprior --lib -- link::tests --nocapture
+	DIVES=10000 DEVICE_DIVES=100 cargo test -p nvsprior-link --lib -- tests --nocapture
 
 # The loss is the one that the prior in the tree was trained with.
 demo-prior:
@@ -210,11 +210,12 @@ lint:
 	python3 scripts/licences.py check
 	cargo fmt --all --check
 	cargo clippy $(ALL) --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels
+	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels \
+		--package nvsprior-link --package nvsprior-capi
 
 lib:
 	@scripts/setup.sh lib
-	cargo cbuild --release -p nvsprior --no-default-features --features capi,paper
+	cargo cbuild --release -p nvsprior-capi
 
 install:
 	@scripts/setup.sh lib

@@ -11,13 +11,13 @@ use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
-use nvsprior::keys::{Authenticator, Content, Key, Keys, Verifier};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Session};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
 use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
+use nvsprior_link::keys::{Authenticator, Content, Key, Keys, Verifier};
 
 /// A prior and a place to look at it from.
 struct PriorView {

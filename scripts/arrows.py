@@ -21,7 +21,7 @@ import tempfile
 # From low to high. A room knows only rooms of the lines above its own; rooms of one line do not know each other.
 # A room is a folder or a file of src/; the longest name that fits a file is its room.
 ROOMS = """
-random geometry keys queue range_coder
+random geometry queue range_coder
 adaptive_numbers
 image
 vulkan
@@ -32,14 +32,12 @@ packet
 residual truth
 error
 tracking
-engine modem
+engine
 error_kind
 encoded frame_time
 frame_work
 encoder decoder doubt_view
 pipeline
-link
-capi
 """
 
 ITEMS = {"fn", "struct", "enum", "union", "trait", "type", "const", "static"}

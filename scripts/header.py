@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes include/nvsprior.h and include/nvsprior_extra.h as src/capi has them. Usage: header.py [FOLDER]
+"""Writes include/nvsprior.h and include/nvsprior_extra.h as crates/capi/src has them. Usage: header.py [FOLDER]
 
-cbindgen translates all of src/capi at once. This script puts its output in order: into the templates src/capi/*.h.in
+cbindgen translates all of crates/capi/src at once. This script puts its output in order: into the templates crates/capi/src/*.h.in
 go first the functions that the template's own list names, then all others by subject. Before a function stand the types
 that it takes, and before a type the constants that stand above it in the source.
 """
@@ -13,7 +13,7 @@ import sys
 import tempfile
 import textwrap
 
-# The headers, with their parts: a title, and the files of src/capi.
+# The headers, with their parts: a title, and the files of crates/capi/src.
 HEADERS = {
     "nvsprior": {
         "Statuses, and what any handle takes": "status handle",
@@ -42,8 +42,8 @@ ITEM = re.compile(r'^pub (?:unsafe )?(?:extern "C" )?(const|type|struct|fn) (\w+
 
 
 def source(file):
-    """A file of src/capi with the pointers of C in place of the types that stand for them."""
-    with open(f"src/capi/{file}.rs", encoding="utf-8") as text:
+    """A file of crates/capi/src with the pointers of C in place of the types that stand for them."""
+    with open(f"crates/capi/src/{file}.rs", encoding="utf-8") as text:
         text = re.sub(r"^//!.*\n", "", text.read(), flags=re.M)
     text = re.sub(r"pub type (nvsp_\w+) = Handle<.*>;", r"pub struct \1 { _opaque: [u8; 0] }", text)
     text = re.sub(rf"\bOption<&({SHARED})>", r"*const \1", text)
@@ -179,11 +179,11 @@ def main():
         own = [files[file] for names in parts.values() for file in names.split()]
         names = {name for _, name in ITEM.findall("\n".join(own))}
         writer = Writer({name: block for name, block in items.items() if name in names}, own)
-        with open(f"src/capi/{header}.h.in", encoding="utf-8") as file:
+        with open(f"crates/capi/src/{header}.h.in", encoding="utf-8") as file:
             template = file.read()
         for name in re.findall(r"^ \*   (nvsp_\w+)  ", template, flags=re.M):
             if name not in names:
-                sys.exit(f"header: src/capi/{header}.h.in lists {name}, which is no function of it")
+                sys.exit(f"header: crates/capi/src/{header}.h.in lists {name}, which is no function of it")
             writer.put(name)
         for title, part in parts.items():
             writer.text.append(f"// ---- {title} ----")

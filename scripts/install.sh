@@ -32,14 +32,11 @@ if [ -n "${GLIBC:-}" ]; then
     export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-target}/glibc-$GLIBC"
 fi
 
-# A vehicle does without what only a comparison with the paper takes.
-features=capi,paper
-[ "$profile" != firmware ] || features=capi
 # cargo-c compiles anew for other folders, although nvsprior.pc alone has them. So it gets the same ones each time, and
 # what it has made is copied.
 stage=${CARGO_TARGET_DIR:-target}/stage/$target-$profile
 echo "install: builds the library ($profile, $target); the first time that takes some minutes" >&2
-cargo cinstall -p nvsprior --profile "$profile" --target "$target" --no-default-features --features "$features" \
+cargo cinstall -p nvsprior-capi --profile "$profile" --target "$target" \
     --prefix /usr --libdir /usr/lib --includedir /usr/include --destdir "$stage"
 
 installed=$destdir$libdir

@@ -24,7 +24,7 @@ FOLDER = ROOT / "packaging" / "licences"
 BILLS = ROOT / "packaging" / "sbom"
 # What is linked, the manifest and features that say so, and the package whose dependencies are checked.
 PARTS = {
-    "library": ("Cargo.toml", "nvsprior", ["--no-default-features", "--features", "capi,paper"]),
+    "library": ("crates/capi/Cargo.toml", "nvsprior-capi", []),
     "program": ("tools/cli/Cargo.toml", "nvsprior-cli", []),
     "gstreamer-plugin": ("gst-plugins/Cargo.toml", "nvsprior-gst", []),
     "python-package": ("python/Cargo.toml", "nvsprior-python", []),

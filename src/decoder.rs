@@ -255,7 +255,8 @@ impl Decoder {
     }
 
     /// Forgets poses that are not the vehicle's, after [`Decoder::parse`] has refused a packet.
-    pub(crate) fn refuse(&mut self, bytes: &[u8], error: &PacketError) {
+    #[doc(hidden)]
+    pub fn refuse(&mut self, bytes: &[u8], error: &PacketError) {
         self.poses.refuse(bytes, error);
     }
 

@@ -221,7 +221,8 @@ impl Encoder {
     }
 
     /// Sets camera and mask. If it fails, both stay.
-    pub(crate) fn set_view(&mut self, camera: &Camera, mask: Option<Mask>) -> Result<(), Error> {
+    #[doc(hidden)]
+    pub fn set_view(&mut self, camera: &Camera, mask: Option<Mask>) -> Result<(), Error> {
         let mask = checked(mask, camera)?;
         if *camera != self.camera {
             let made = self.objective(&self.engine, &self.scene, camera)?;
@@ -313,8 +314,8 @@ impl Encoder {
     }
 
     /// What ends a frame under way, from any thread.
-    #[cfg(feature = "capi")]
-    pub(crate) fn interrupt(&self) -> &Interrupt {
+    #[doc(hidden)]
+    pub fn interrupt(&self) -> &Interrupt {
         &self.interrupt
     }
 
@@ -374,7 +375,8 @@ impl Encoder {
     }
 
     /// As [`Encoder::encode_into`], for a frame that was filled in.
-    pub(crate) fn encode_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
+    #[doc(hidden)]
+    pub fn encode_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let found = self.track(work)?;
         work.code(&mut self.coders)?;
         self.keep(work, &found)
@@ -400,7 +402,8 @@ impl Encoder {
     }
 
     /// The first half of a frame that was filled in: finds its pose and draws it. The next frame goes on from there.
-    pub(crate) fn track_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
+    #[doc(hidden)]
+    pub fn track_filled(&mut self, work: &mut FrameWork) -> Result<(), Error> {
         let found = self.track(work)?;
         self.keep(work, &found)
     }
@@ -578,7 +581,8 @@ impl Encoder {
     }
 
     /// Checks what is stated of the next frame.
-    pub(crate) fn check_info(&self, info: &FrameInfo) -> Result<(), Error> {
+    #[doc(hidden)]
+    pub fn check_info(&self, info: &FrameInfo) -> Result<(), Error> {
         info.check(self.frame, self.time)?;
         let Some(hint) = &info.hint else { return Ok(()) };
         let frame = self.scene.coordinate_frame();

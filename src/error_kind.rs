@@ -2,8 +2,6 @@
 
 use crate::geometry::{CameraError, LensError};
 use crate::image::PixelError;
-use crate::keys::{KeyError, Refusal};
-use crate::modem::ModemError;
 use crate::packet::{PacketError, Part};
 use crate::prior::PriorError;
 use crate::queue::QueueError;
@@ -170,32 +168,6 @@ impl ResidualError {
     }
 }
 
-impl ModemError {
-    /// What kind of failure it is.
-    pub fn kind(&self) -> ErrorKind {
-        use ModemError as E;
-        match self {
-            E::Memory(_) => ErrorKind::Memory,
-            E::Key(refusal) => refusal.kind(),
-            E::Packet(PacketError::Version) => ErrorKind::Newer,
-            E::Loss(..)
-            | E::RateControl { .. }
-            | E::Collector { .. }
-            | E::CollectorAge(_)
-            | E::ShareCount(_)
-            | E::UnprotectedCount { .. }
-            | E::UnprotectedStream(_)
-            | E::UnpacedReports
-            | E::UserBytes(_)
-            | E::Time(_) => ErrorKind::Argument,
-            E::Budget { .. } => ErrorKind::Budget,
-            E::NotPlanned | E::NoReports | E::Unpaced => ErrorKind::State,
-            E::Waiting { .. } => ErrorKind::Unfinished,
-            _ => ErrorKind::Modem,
-        }
-    }
-}
-
 impl QueueError {
     /// What kind of failure it is.
     pub fn kind(&self) -> ErrorKind {
@@ -204,16 +176,6 @@ impl QueueError {
             QueueError::Empty => ErrorKind::State,
             QueueError::Panicked => ErrorKind::Internal,
             QueueError::Poisoned => ErrorKind::Poisoned,
-        }
-    }
-}
-
-impl Refusal {
-    /// What kind of failure it is.
-    pub fn kind(&self) -> ErrorKind {
-        match self {
-            Refusal::Foreign => ErrorKind::Foreign,
-            Refusal::Replayed => ErrorKind::Replayed,
         }
     }
 }
@@ -236,12 +198,5 @@ impl PixelError {
     /// What kind of failure it is.
     pub fn kind(&self) -> ErrorKind {
         ErrorKind::Image
-    }
-}
-
-impl KeyError {
-    /// What kind of failure it is.
-    pub fn kind(&self) -> ErrorKind {
-        ErrorKind::Argument
     }
 }

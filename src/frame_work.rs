@@ -17,12 +17,11 @@ use crate::{Encoded, Error, FrameInfo, FrameStats, Packet, Picture, Pose, Rate};
 ///
 /// A caller fills `frame` and `info`. The search fills all but `encoded`, and coding that.
 #[derive(Default)]
-pub(crate) struct FrameWork {
+pub struct FrameWork {
     /// The camera's picture; after the search as the prior's preprocessing left it, with the render where it is masked.
     pub frame: Picture,
     pub info: FrameInfo,
     /// Camera frames left out before it.
-    #[cfg(feature = "capi")]
     pub left_out: u32,
     /// Which pixels count; `None`: all do.
     pub mask: Option<Arc<Mask>>,
@@ -55,7 +54,7 @@ pub(crate) struct FrameWork {
 
 /// What a frame of a stream may be predicted from.
 #[derive(Clone, Copy)]
-pub(crate) struct TrackedStream {
+pub struct TrackedStream {
     pub viewpoint: Viewpoint,
     pub structure: Structure,
     pub acknowledged: Acknowledged,
@@ -65,7 +64,6 @@ pub(crate) struct TrackedStream {
 
 impl FrameWork {
     /// Makes one that has room for every frame of a size.
-    #[cfg(feature = "capi")]
     pub fn with_room(width: u32, height: u32) -> FrameWork {
         let picture = || Picture::new(width, height);
         let encoded = Encoded::with_room(width, height);
@@ -305,7 +303,7 @@ fn reference_of(residual: &Residual, frame: u32) -> Option<u32> {
 }
 
 /// Codes what a packet holds beside the pose.
-pub(crate) struct Coders {
+pub struct Coders {
     residual: ResidualEncoder,
     /// `None`: no truth maps are wanted.
     truth: Option<TruthEncoder>,
@@ -325,11 +323,10 @@ impl Coders {
 
 /// Codes frames. Keeps the coders for as long as frames ask for the same.
 #[derive(Default)]
-pub(crate) struct Coder(Option<(ResidualSetup, Coders)>);
+pub struct Coder(Option<(ResidualSetup, Coders)>);
 
 impl Coder {
     /// Whether the frame needs other coders than the one before.
-    #[cfg(feature = "capi")]
     pub fn changes(&self, work: &FrameWork) -> bool {
         let same = |(own, _): &(ResidualSetup, _)| {
             work.residual.as_ref().is_some_and(|setup| own.is_as(setup))

@@ -22,24 +22,14 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The rooms from low to high; each knows only those before it: [`random`], [`geometry`], [`keys`], `queue` and
-//! `range_coder`; [`image`]; [`vulkan`]; [`coder_tables`] and [`filter_weights`]; [`prior`]; [`render`]; [`packet`];
-//! [`residual`]; `error`; [`tracking`]; `engine` and [`modem`]; `encoder` and `decoder`; `pipeline`;
-//! [`link`]; [`capi`]. `scripts/arrows.py` checks it.
+//! The rooms from low to high, each of which knows only those before it: `docs/architecture.md`.
 
 #![deny(unsafe_code)]
 
-#[cfg(feature = "capi")]
-#[allow(unsafe_code)]
-// With `vulkan` and `residual::webp` the only places; each block says why it is sound.
-pub mod capi;
 pub mod coder_tables;
 pub mod filter_weights;
 pub mod geometry;
 pub mod image;
-pub mod keys;
-pub mod link;
-pub mod modem;
 pub mod packet;
 pub mod prior;
 pub mod random;
@@ -48,6 +38,7 @@ pub mod residual;
 pub mod tracking;
 pub mod truth;
 #[allow(unsafe_code)]
+// With `residual::webp` the only place; each block says why it is sound.
 pub mod vulkan;
 
 mod adaptive_numbers;
@@ -59,10 +50,19 @@ mod engine;
 mod error;
 mod error_kind;
 mod frame_time;
+#[allow(missing_docs)] // Of the crates of this repository.
 mod frame_work;
 mod pipeline;
+#[allow(missing_docs)] // As above.
 mod queue;
 mod range_coder;
+
+/// What the C library and the ends of a link take apart. No promise.
+#[doc(hidden)]
+pub mod parts {
+    pub use crate::frame_work::{Coder, FrameWork};
+    pub use crate::queue::{Body, Interrupt, Lost, Queue, Spawn, Worker};
+}
 
 // What tests of all kinds share, which name the library as others do.
 #[cfg(test)]

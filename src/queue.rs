@@ -38,47 +38,45 @@ pub enum QueueError {
 }
 
 /// What a worker does to a slot.
-pub(crate) type Worker<S, E> = Box<dyn FnMut(&mut S) -> Result<(), E> + Send>;
+pub type Worker<S, E> = Box<dyn FnMut(&mut S) -> Result<(), E> + Send>;
 
 /// What a thread of the queue does. It does not unwind.
 pub type Body = Box<dyn FnOnce() + Send>;
 
 /// Starts the thread of the worker of a number. What it returns waits for the thread's end when dropped.
-pub(crate) type Spawn<E> = Box<dyn FnMut(usize, Body) -> Result<Box<dyn Send>, E> + Send>;
+pub type Spawn<E> = Box<dyn FnMut(usize, Body) -> Result<Box<dyn Send>, E> + Send>;
 
 /// Whether frames were lost that told something. A queue, its workers and its owner share it.
 #[derive(Clone, Default)]
-pub(crate) struct Lost(Arc<AtomicBool>);
+pub struct Lost(Arc<AtomicBool>);
 
 impl Lost {
-    pub(crate) fn note(&self, lost: bool) {
+    pub fn note(&self, lost: bool) {
         self.0.fetch_or(lost, Ordering::Relaxed);
     }
 
     /// Whether any was noted since the last call. Who sees that to be true tells it again.
-    pub(crate) fn take(&self) -> bool {
+    pub fn take(&self) -> bool {
         self.0.swap(false, Ordering::Relaxed)
     }
 }
 
 /// Ends work that is under way, from any thread. All who hold it share it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Interrupt(Arc<AtomicBool>);
+pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
     /// Has the work end.
-    #[cfg(feature = "capi")]
-    pub(crate) fn set(&self) {
+    pub fn set(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
     /// Lets work go on from here.
-    #[cfg(feature = "capi")]
-    pub(crate) fn clear(&self) {
+    pub fn clear(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
 
-    pub(crate) fn is_set(&self) -> bool {
+    pub fn is_set(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
@@ -120,7 +118,7 @@ struct Shared<S, E> {
 }
 
 /// Frames on their way through workers.
-pub(crate) struct Queue<S, E> {
+pub struct Queue<S, E> {
     shared: Arc<Shared<S, E>>,
     /// Started with the first frame that is begun.
     threads: Vec<Box<dyn Send>>,
@@ -132,13 +130,11 @@ impl<S, E> State<S, E> {
         self.slots - self.spare.len()
     }
 
-    #[cfg(any(feature = "capi", test))]
     fn kept(&self) -> usize {
         self.done.iter().filter(|slot| slot.kept).count()
     }
 
     /// Ends frames that were done, and notes that they are lost.
-    #[cfg(any(feature = "capi", test))]
     fn drop_done(&mut self, count: usize) {
         for slot in self.done.drain(..count) {
             self.lost.note(slot.outcome.is_ok());
@@ -214,7 +210,7 @@ impl<S, E: From<QueueError>> Shared<S, E> {
 
 impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     /// Makes a queue of these workers and slots. It notes dropped frames in `lost`.
-    pub(crate) fn new(
+    pub fn new(
         workers: Vec<Worker<S, E>>,
         slots: Vec<S>,
         lost: Lost,
@@ -242,16 +238,14 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     }
 
     /// Checks that no frame is under way, apart from results that are kept.
-    #[cfg(any(feature = "capi", test))]
-    pub(crate) fn check_idle(&self) -> Result<(), QueueError> {
+    pub fn check_idle(&self) -> Result<(), QueueError> {
         let state = self.shared.state();
         state.check()?;
         if state.under_way() > state.kept() { Err(QueueError::UnderWay) } else { Ok(()) }
     }
 
     /// Checks that the first worker works on no frame and that none waits for it.
-    #[cfg(any(feature = "capi", test))]
-    pub(crate) fn check_first_worker(&self) -> Result<(), QueueError> {
+    pub fn check_first_worker(&self) -> Result<(), QueueError> {
         let state = self.shared.state();
         if state.poisoned {
             return Err(QueueError::Poisoned);
@@ -261,7 +255,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     }
 
     /// Begins a frame; `fill` fills its slot. If that fails, nothing changes.
-    pub(crate) fn begin(&mut self, fill: impl FnOnce(&mut S) -> Result<(), E>) -> Result<(), E> {
+    pub fn begin(&mut self, fill: impl FnOnce(&mut S) -> Result<(), E>) -> Result<(), E> {
         let one_slot = self.shared.state().slots == 1;
         let (mut slot, kept) = self.filled(one_slot, fill)?;
         if let Err(error) = self.start_threads() {
@@ -278,8 +272,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     }
 
     /// Does a frame's work on this thread; its result is then done. Fails if another frame is under way.
-    #[cfg(any(feature = "capi", test))]
-    pub(crate) fn run(&mut self, fill: impl FnOnce(&mut S) -> Result<(), E>) -> Result<(), E> {
+    pub fn run(&mut self, fill: impl FnOnce(&mut S) -> Result<(), E>) -> Result<(), E> {
         self.check_idle()?;
         let (mut slot, kept) = self.filled(true, fill)?;
         {
@@ -344,7 +337,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     ///
     /// # Errors
     /// [`QueueError::Empty`] if none is under way.
-    pub(crate) fn wait(&self, timeout: Duration) -> Result<bool, QueueError> {
+    pub fn wait(&self, timeout: Duration) -> Result<bool, QueueError> {
         let pending = |state: &mut State<S, E>| state.done.is_empty() && state.under_way() > 0;
         let (state, _) = self
             .shared
@@ -360,7 +353,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
 
     /// Takes the first frame, if it has ended: its error, or what `fetch` makes of it. If `fetch` fails, the result is
     /// kept. Returns whether it had ended.
-    pub(crate) fn take(&mut self, fetch: impl FnOnce(&mut S) -> Result<(), E>) -> Result<bool, E> {
+    pub fn take(&mut self, fetch: impl FnOnce(&mut S) -> Result<(), E>) -> Result<bool, E> {
         if !self.wait(Duration::ZERO)? {
             return Ok(false);
         }
@@ -381,8 +374,7 @@ impl<S: Send + 'static, E: From<QueueError> + Send + 'static> Queue<S, E> {
     }
 
     /// Drops all frames under way. Returns whether they have ended; if not, they end by themselves.
-    #[cfg(any(feature = "capi", test))]
-    pub(crate) fn cancel(&mut self) -> bool {
+    pub fn cancel(&mut self) -> bool {
         let mut state = self.shared.state();
         if state.live > 0 {
             let done = state.done.len();

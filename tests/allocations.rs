@@ -8,10 +8,6 @@ use std::sync::Arc;
 
 use common::write_blocked;
 use nvsprior::image::{Clahe, Preprocessing, WhiteBalance};
-use nvsprior::keys::{Key, Keys};
-use nvsprior::modem::{
-    Collector, CollectorOptions, Loss, Protection, RateControlOptions, Sender, SenderOptions,
-};
 use nvsprior::packet::{Latent, Packet, PoseProfile, QuantisedPose, Residual, Session};
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
@@ -20,6 +16,10 @@ use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture, Rate, Structure,
     Trust,
+};
+use nvsprior_link::keys::{Key, Keys};
+use nvsprior_link::modem::{
+    Collector, CollectorOptions, Loss, Protection, RateControlOptions, Sender, SenderOptions,
 };
 use scene::{CAMERA, clean_frame, pose, wall};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};

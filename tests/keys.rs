@@ -3,15 +3,15 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use nvsprior::keys::{Key, Keys, Refusal};
-use nvsprior::modem::{
-    Collected, Collector, CollectorOptions, Loss, ModemError, Protection, RateControlOptions,
-    Report, Sender, SenderOptions,
-};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Residual, Session};
 use nvsprior::prior::CoordinateFrame;
 use nvsprior::random::Random;
 use nvsprior::{Camera, Packet, Pose, PriorId};
+use nvsprior_link::keys::{Key, Keys, Refusal};
+use nvsprior_link::modem::{
+    Collected, Collector, CollectorOptions, Loss, ModemError, Protection, RateControlOptions,
+    Report, Sender, SenderOptions,
+};
 use proptest::prelude::*;
 
 const MTU: usize = 64;

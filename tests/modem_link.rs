@@ -4,9 +4,9 @@ mod common;
 mod scene;
 
 use common::Random;
-use nvsprior::modem::{Collector, CollectorOptions, Sharer};
 use nvsprior::residual::ResidualCoder;
 use nvsprior::{Decoded, Decoder, Encoder, EncoderOptions, Picture, Rate, Trust};
+use nvsprior_link::modem::{Collector, CollectorOptions, Sharer};
 use scene::{CAMERA, frame, on_device, pose, wall};
 
 /// The modem frames of a packet, without protection.

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use arbitrary::{Arbitrary, Unstructured};
-use nvsprior::keys::{Authenticator, Content, Key, Keys, Refusal, Seen, Verifier};
-use nvsprior::modem::{Collector, CollectorOptions, MIN_MTU, ModemError};
+use nvsprior_link::keys::{Authenticator, Content, Key, Keys, Refusal, Seen, Verifier};
+use nvsprior_link::modem::{Collector, CollectorOptions, MIN_MTU, ModemError};
 
 #[derive(Arbitrary, Debug)]
 struct Input {

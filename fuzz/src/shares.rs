@@ -1,7 +1,7 @@
 //! Shares and reports: shares of several packets, damaged ones and garbage, in any order; what is said of them, read
 //! again.
 use arbitrary::{Arbitrary, Unstructured};
-use nvsprior::modem::{
+use nvsprior_link::modem::{
     Collector, CollectorOptions, Loss, PacketState, Report, Sharer, Sharing, SharingOptions,
 };
 

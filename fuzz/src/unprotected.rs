@@ -1,6 +1,6 @@
 //! Unprotected packets: shares of several packets, damaged ones and garbage, in any order.
 use arbitrary::{Arbitrary, Unstructured};
-use nvsprior::modem::{Collector, CollectorOptions, Sharer, share_count};
+use nvsprior_link::modem::{Collector, CollectorOptions, Sharer, share_count};
 
 use crate::vehicle::{self, Stated, check_complete, is_start};
 

@@ -3,8 +3,8 @@
 use std::io::ErrorKind;
 
 use gst::prelude::*;
-use nvsprior::keys::{DEFAULT_TAG_BYTES, KeyError, Keys};
 use nvsprior::prior::replace_file;
+use nvsprior_link::keys::{DEFAULT_TAG_BYTES, KeyError, Keys};
 use zeroize::Zeroizing;
 
 /// Values of the properties about them.

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use nvsprior::geometry::{CameraError, Distortion, Intrinsics, Lens, LensError};
 use nvsprior::image::{Mask, PixelError};
-use nvsprior::link::Region;
 use nvsprior::residual::Interest;
 use nvsprior::{Camera, Pose};
+use nvsprior_link::Region;
 
 /// Why a property cannot be used. The texts name the property, and say what it should be.
 #[derive(Debug, thiserror::Error)]

@@ -9,8 +9,8 @@ mod scene;
 use fixture::fixture;
 use gst::glib;
 use gst::prelude::*;
-use nvsprior::keys::{Content, Key, Keys, Refusal, Verifier};
-use nvsprior::modem::Report;
+use nvsprior_link::keys::{Content, Key, Keys, Refusal, Verifier};
+use nvsprior_link::modem::Report;
 
 /// A folder with key files.
 struct Folder(tempfile::TempDir);

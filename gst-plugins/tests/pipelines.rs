@@ -9,9 +9,9 @@ mod scene;
 use common::write_blocked;
 use fixture::{FRAMES, Fixture, Pipeline, RATE, bytes, fixture, frame_pose, pose_text, psnr};
 use gst::prelude::*;
-use nvsprior::modem::{Collected, Collector, CollectorOptions};
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Mode, Rate, Structure, Trust};
+use nvsprior_link::modem::{Collected, Collector, CollectorOptions};
 use scene::{CAMERA, wall};
 
 const SECOND: gst::ClockTime = gst::ClockTime::SECOND;

@@ -1,8 +1,8 @@
 //! Failures of the library as Python's exceptions.
 
 use nvsprior::ErrorKind;
-use nvsprior::link::LinkError;
-use nvsprior::modem::ModemError;
+use nvsprior_link::LinkError;
+use nvsprior_link::modem::ModemError;
 use nvsprior_train::mapper::MapError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -151,8 +151,8 @@ failures!(
     nvsprior::Error,
     nvsprior::geometry::CameraError,
     nvsprior::image::PixelError,
-    nvsprior::keys::KeyError,
-    nvsprior::keys::Refusal,
+    nvsprior_link::keys::KeyError,
+    nvsprior_link::keys::Refusal,
     nvsprior::packet::PacketError,
     nvsprior::prior::PriorError,
     nvsprior::residual::ResidualError,

@@ -1,6 +1,6 @@
 //! Keys against strangers.
 
-use nvsprior::keys::{Key, Keys};
+use nvsprior_link::keys::{Key, Keys};
 use pyo3::prelude::*;
 use zeroize::Zeroizing;
 

@@ -1,10 +1,12 @@
 //! The topside's end of a link: modem frames to pictures.
 
 use nvsprior::Decoder;
-use nvsprior::link::{
+use nvsprior_link::modem::{
+    CollectedPacket, Collector, CollectorOptions, CollectorStatistics, Sharer,
+};
+use nvsprior_link::{
     Playout, Recalled, Region, Topside, TopsideEvent, TopsideLink, TopsideOptions,
 };
-use nvsprior::modem::{CollectedPacket, Collector, CollectorOptions, CollectorStatistics, Sharer};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -380,17 +382,17 @@ pub fn split<'py>(
 #[pyfunction]
 pub fn join(py: Python, frames: Vec<Vec<u8>>, mtu: usize) -> PyResult<Vec<PyReceived>> {
     let options = CollectorOptions {
-        shares: frames.len().clamp(1, nvsprior::modem::MAX_SHARES),
+        shares: frames.len().clamp(1, nvsprior_link::modem::MAX_SHARES),
         packets: 64,
         // All came at once.
         age: 1.0,
-        modem_checks: mtu < nvsprior::modem::MIN_CHECKED_MTU,
+        modem_checks: mtu < nvsprior_link::modem::MIN_CHECKED_MTU,
         ..CollectorOptions::new(mtu)
     };
     let mut collector = Collector::new(options).map_err(Failure::from)?;
     let mut numbers: Vec<u32> = Vec::new();
     for frame in &frames {
-        use nvsprior::modem::Collected as C;
+        use nvsprior_link::modem::Collected as C;
         if let Ok(C::Grown(_, number) | C::Complete(_, number)) = collector.push(0.0, frame) {
             numbers.push(number);
         }

@@ -1,7 +1,7 @@
 //! The vehicle's end of a link: packets to modem frames.
 
-use nvsprior::link::{Pacing, VehicleEvent, VehicleLink, VehicleOptions};
-use nvsprior::modem::{Division, Loss, Protection, SenderStatistics};
+use nvsprior_link::modem::{Division, Loss, Protection, SenderStatistics};
+use nvsprior_link::{Pacing, VehicleEvent, VehicleLink, VehicleOptions};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 

@@ -20,7 +20,8 @@ pub enum Colour {
 }
 
 /// A plane of a format.
-pub(crate) struct Plane {
+#[doc(hidden)]
+pub struct Plane {
     pub name: &'static str,
     /// Bytes from a sample to the next.
     pub step: usize,
@@ -45,7 +46,8 @@ const I420: [Plane; 3] = [
 
 impl PixelFormat {
     /// Its planes, first to last.
-    pub(crate) fn planes(self) -> &'static [Plane] {
+    #[doc(hidden)]
+    pub fn planes(self) -> &'static [Plane] {
         match self {
             PixelFormat::Rgb8 => &RGB,
             PixelFormat::Bgr8 => &BGR,

@@ -6,7 +6,7 @@ use super::{PacketError, Part};
 const CRC16: crc::Crc<u16> = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
 
 /// The check of the parts of packets and of modem frames, over slices one after another.
-pub(crate) fn crc16(slices: &[&[u8]]) -> u16 {
+pub fn crc16(slices: &[&[u8]]) -> u16 {
     let mut digest = CRC16.digest();
     slices.iter().for_each(|slice| digest.update(slice));
     digest.finalize()

@@ -4,7 +4,7 @@ use super::known::Confidence;
 use super::pose::PoseProfile;
 
 /// Bytes of the head.
-pub(crate) const LEN: usize = 2;
+pub const LEN: usize = 2;
 
 /// The low bits of the first byte tell the pose's kind, and so how long the latent part is. Any two of these words
 /// differ in three bits or more: one or two flipped bits make no other length.
@@ -184,6 +184,6 @@ pub(super) fn is_later(first: u8) -> bool {
 }
 
 /// Whether a packet that begins with this byte states a predicted pose.
-pub(crate) fn is_predicted(first: u8) -> bool {
+pub fn is_predicted(first: u8) -> bool {
     first & POSE_BITS == PREDICTED
 }

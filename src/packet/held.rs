@@ -32,7 +32,7 @@ pub(super) struct HeldPose {
 
 impl HeldPoses {
     /// Takes all memory that it will need here; that of [`HeldPoses::default`] comes with the first pose.
-    pub(crate) fn with_room() -> HeldPoses {
+    pub fn with_room() -> HeldPoses {
         HeldPoses { slots: vec![None; SLOTS], last: None }
     }
 
@@ -81,7 +81,7 @@ impl HeldPoses {
 
     /// A packet with a predicted pose could not be read. What is held under its number is not its pose. If its check
     /// does not match, the vehicle means other poses than those that it is predicted from: it has begun anew.
-    pub(crate) fn refuse(&mut self, packet: &[u8], error: &PacketError) {
+    pub fn refuse(&mut self, packet: &[u8], error: &PacketError) {
         let Ok(Layout { frame, stated: Some(stated), .. }) = Layout::read(packet) else { return };
         let frame = self.nearest(frame);
         self.forget(frame);
@@ -104,12 +104,12 @@ impl HeldPoses {
     }
 
     /// Whether the pose of a frame is held, whose number may be modulo 2¹⁶.
-    pub(crate) fn holds(&self, frame: u32) -> bool {
+    pub fn holds(&self, frame: u32) -> bool {
         self.get(frame).is_some()
     }
 
     /// The frame number that came last.
-    pub(crate) fn last(&self) -> Option<u32> {
+    pub fn last(&self) -> Option<u32> {
         self.last
     }
 

@@ -193,7 +193,7 @@ fn refusal(bytes: &[u8]) -> PacketError {
 }
 
 /// Finds the frame number nearest to `last`, among those that are `frame` modulo `frames`.
-pub(crate) fn nearest_frame(frame: u32, frames: u32, last: Option<u32>) -> u32 {
+pub fn nearest_frame(frame: u32, frames: u32, last: Option<u32>) -> u32 {
     let Some(last) = last else { return frame };
     let ahead = frame.wrapping_sub(last) % frames;
     let behind = if ahead > frames / 2 { frames } else { 0 };

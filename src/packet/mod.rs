@@ -20,7 +20,7 @@
 //! - The residual's check covers the latent part too, and so the tag. A residual is never added to the picture of
 //!   another frame.
 
-pub(crate) mod bytes;
+mod bytes;
 mod error;
 mod head;
 mod held;
@@ -39,19 +39,18 @@ use head::Head;
 use known::Confidence;
 use residual::Content;
 
+pub use bytes::crc16;
 pub use error::{PacketError, Part};
-pub(crate) use head::{LEN as HEAD_LEN, is_predicted};
+pub use head::{LEN as HEAD_LEN, is_predicted};
 pub use held::HeldPoses;
 pub use known::{KnownPose, PoseBound};
-pub use latent::Latent;
-pub(crate) use latent::nearest_frame;
+pub use latent::{Latent, nearest_frame};
 pub use parsed::{Extent, Parsed};
 pub use pose::{PoseProfile, QuantisedPose};
 pub use predicted::Prediction;
 pub use render::RenderCheck;
-pub(crate) use residual::without_zeros;
-pub use residual::{Reference, Residual, ResidualStart, residual_part_len};
-pub(crate) use sent::SentPoses;
+pub use residual::{Reference, Residual, ResidualStart, residual_part_len, without_zeros};
+pub use sent::SentPoses;
 pub use session::Session;
 
 /// Length of the latent part of a pose in the short profile that is stated by itself, bytes.

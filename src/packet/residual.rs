@@ -315,7 +315,7 @@ impl Found {
 }
 
 /// Bytes without the zeros at their end: modems fill up their frames with zeros.
-pub(crate) fn without_zeros(bytes: &[u8]) -> &[u8] {
+pub fn without_zeros(bytes: &[u8]) -> &[u8] {
     let zeros = bytes.iter().rev().take_while(|byte| **byte == 0).count();
     &bytes[..bytes.len() - zeros]
 }

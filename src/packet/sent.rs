@@ -7,7 +7,7 @@ const STATED_EVERY: u32 = 16;
 
 /// The poses that were sent, and those of them that the topside is known to hold.
 #[derive(Debug)]
-pub(crate) struct SentPoses {
+pub struct SentPoses {
     sent: HeldPoses,
     held: HeldPoses,
     /// Predicted poses since one was stated.
@@ -15,6 +15,7 @@ pub(crate) struct SentPoses {
 }
 
 impl SentPoses {
+    /// None was sent.
     pub fn new() -> SentPoses {
         let (sent, held) = (HeldPoses::with_room(), HeldPoses::with_room());
         SentPoses { sent, held, since_stated: 0 }

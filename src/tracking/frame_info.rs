@@ -80,7 +80,8 @@ impl FrameInfo {
     /// # Errors
     /// [`Error::HintPose`], [`Error::HintCovariance`], [`Error::HintAge`], [`Error::FrameTime`] and
     /// [`Error::FrameTimeBack`].
-    pub(crate) fn check(&self, frame: u32, before: Option<f64>) -> Result<(), Error> {
+    #[doc(hidden)]
+    pub fn check(&self, frame: u32, before: Option<f64>) -> Result<(), Error> {
         if let Some(hint) = &self.hint {
             hint.check(frame)?;
         }

@@ -81,7 +81,7 @@ impl TruthMap {
     }
 
     /// Makes it one of a picture of which nothing is known.
-    pub(crate) fn reset(&mut self, width: u32, height: u32) {
+    pub fn reset(&mut self, width: u32, height: u32) {
         (self.columns, self.rows) = (width.div_ceil(BLOCK), height.div_ceil(BLOCK));
         self.thresholds = None;
         self.levels.clear();
@@ -89,8 +89,7 @@ impl TruthMap {
     }
 
     /// Becomes the same as another one, in its own memory.
-    #[cfg(feature = "capi")]
-    pub(crate) fn copy(&mut self, other: &TruthMap) {
+    pub fn copy(&mut self, other: &TruthMap) {
         (self.columns, self.rows, self.thresholds) = (other.columns, other.rows, other.thresholds);
         self.levels.clone_from(&other.levels);
     }

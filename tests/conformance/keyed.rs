@@ -1,7 +1,7 @@
 //! Vectors with keys: modem frames, reports and packets with numbers and tags, among those of strangers.
 
-use nvsprior::keys::{Authenticator, Content, Key, Keys};
 use nvsprior::{Prior, Rate};
+use nvsprior_link::keys::{Authenticator, Content, Key, Keys};
 
 use crate::dive::{CAMERA, Dive, How};
 use crate::links;

@@ -1,11 +1,11 @@
 //! Vectors of modem frames: shares of packets, reports.
 
-use nvsprior::modem::{
+use nvsprior::packet::{Extent, Residual};
+use nvsprior::{Prior, Rate};
+use nvsprior_link::modem::{
     ArrivedShares, CollectorOptions, Loss, PacketState, Report, ReportedPacket, Sharer, Sharing,
     SharingOptions,
 };
-use nvsprior::packet::{Extent, Residual};
-use nvsprior::{Prior, Rate};
 
 use crate::dive::{CAMERA, Dive, How, packet};
 use crate::vector::{Kind, Vector};

@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use md5::{Digest, Md5};
-use nvsprior::keys::{Content, Refusal, Verifier};
-use nvsprior::modem::{Collector, CollectorOptions, ModemError, Report};
 use nvsprior::packet::PacketError;
 use nvsprior::prior::PriorError;
 use nvsprior::render::Scene;
 use nvsprior::residual::ResidualError;
 use nvsprior::{Decoded, Decoder, Error, Prior, Trust};
+use nvsprior_link::keys::{Content, Refusal, Verifier};
+use nvsprior_link::modem::{Collector, CollectorOptions, ModemError, Report};
 use serde_json::{Value, json};
 
 use crate::common::engine;

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use nvsprior::keys::{Key, Keys};
-use nvsprior::modem::CollectorOptions;
 use nvsprior::{Camera, Trust};
+use nvsprior_link::keys::{Key, Keys};
+use nvsprior_link::modem::CollectorOptions;
 use serde_json::{Value, json};
 
 use crate::results::{Outcome, hex, md5};

@@ -1,8 +1,8 @@
 //! From frames as they come to pictures as the encoder takes them.
 
 use nvsprior::image::{Converter, ImageView, Mask};
-use nvsprior::link::LinkError;
 use nvsprior::{Camera, Encoder, Error, Picture};
+use nvsprior_link::LinkError;
 
 use crate::property::{self, PropertyError};
 

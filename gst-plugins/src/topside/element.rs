@@ -10,9 +10,9 @@ use gst::glib::subclass::Signal;
 use gst::prelude::*;
 use gst::subclass::prelude::*;
 
-use nvsprior::keys::Keys;
-use nvsprior::link::{Playout, Topside, TopsideEvent, TopsideOptions};
-use nvsprior::modem::CollectorStatistics;
+use nvsprior_link::keys::Keys;
+use nvsprior_link::modem::CollectorStatistics;
+use nvsprior_link::{Playout, Topside, TopsideEvent, TopsideOptions};
 
 use super::end::{End, NextError, Picture};
 use crate::caps;

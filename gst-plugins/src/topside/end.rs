@@ -6,8 +6,8 @@ use gst::prelude::*;
 use gst_video::VideoInfo;
 
 use nvsprior::image::PixelFormat;
-use nvsprior::link::{Shown, Shows, Topside};
 use nvsprior::{Decoded, Error};
+use nvsprior_link::{Shown, Shows, Topside};
 
 use crate::caps;
 use crate::showing::{self, Complaint, Showing};

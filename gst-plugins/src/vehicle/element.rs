@@ -13,10 +13,10 @@ use gst_video::VideoInfo;
 
 use nvsprior::Error;
 use nvsprior::image::ImageView;
-use nvsprior::keys::Keys;
-use nvsprior::link::{CameraFrame, LinkError, Vehicle, VehicleEvent};
-use nvsprior::modem::{Loss, SenderStatistics};
 use nvsprior::tracking::{FrameInfo, Hint};
+use nvsprior_link::keys::Keys;
+use nvsprior_link::modem::{Loss, SenderStatistics};
+use nvsprior_link::{CameraFrame, LinkError, Vehicle, VehicleEvent};
 
 use super::settings::{LinkSettings, ProtectionKind};
 use crate::caps;

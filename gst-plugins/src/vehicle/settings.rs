@@ -1,9 +1,9 @@
 //! The properties of `nvspvehicle` about the link.
 
 use gst::glib;
-use nvsprior::keys::Keys;
-use nvsprior::link::{Pacing, VehicleOptions};
-use nvsprior::modem::{Loss, Protection};
+use nvsprior_link::keys::Keys;
+use nvsprior_link::modem::{Loss, Protection};
+use nvsprior_link::{Pacing, VehicleOptions};
 
 /// What is done against losses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, glib::Enum)]

@@ -149,8 +149,7 @@ impl Relocaliser {
     }
 
     /// Bytes that the points of so many key frames take at most.
-    #[cfg(feature = "capi")]
-    pub(crate) fn landmark_bytes(key_frames: usize) -> usize {
+    pub fn landmark_bytes(key_frames: usize) -> usize {
         match key_frames {
             0 => 0,
             _ => Landmarks::bytes(key_frames, key_features(key_frames)),

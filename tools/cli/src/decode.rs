@@ -6,10 +6,10 @@ mod truth;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::keys::Refusal;
 use nvsprior::packet::PacketError;
 use nvsprior::render::Scene;
 use nvsprior::{Decoded, Decoder, Error, Trust};
+use nvsprior_link::keys::Refusal;
 
 use crate::keyed_files::FileReader;
 use doubt::DoubtFolder;

@@ -7,7 +7,6 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use nvsprior::keys::Keys;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::{Interest, ResidualCoder};
@@ -19,6 +18,7 @@ use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, OutputError};
 use nvsprior_inputs::video_input::VideoInputArgs;
+use nvsprior_link::keys::Keys;
 
 use crate::keyed_files::FileTags;
 use crate::summary::{self, Row};

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::{
-    Collected, Collector, CollectorOptions, MIN_MTU, ModemError, largest_packet, share_count,
-};
 use nvsprior::prior::replace_file;
 use nvsprior_inputs::values;
+use nvsprior_link::modem::{
+    Collected, Collector, CollectorOptions, MIN_MTU, ModemError, largest_packet, share_count,
+};
 
 /// Put packets together from the frames of a modem
 ///

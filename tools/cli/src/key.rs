@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::keys::Key;
+use nvsprior_link::keys::Key;
 use zeroize::Zeroizing;
 
 /// Make a key that vehicle and topside then hold

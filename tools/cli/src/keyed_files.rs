@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::Context;
-use nvsprior::keys::{Authenticator, Content, Keys, Refusal, Verifier};
+use nvsprior_link::keys::{Authenticator, Content, Keys, Refusal, Verifier};
 
 /// Makes what files of packets hold, with tags if there are keys.
 pub struct FileTags {
@@ -58,7 +58,7 @@ impl FileReader {
 
 #[cfg(test)]
 mod tests {
-    use nvsprior::keys::Key;
+    use nvsprior_link::keys::Key;
 
     use super::*;
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior::modem::{MIN_MTU, Sharer};
 use nvsprior_inputs::values;
+use nvsprior_link::modem::{MIN_MTU, Sharer};
 
 /// Split packets into the frames of a modem
 ///

@@ -31,10 +31,10 @@ use std::path::PathBuf;
 use std::sync::mpsc::sync_channel;
 
 use nvsprior::Engine;
-use nvsprior::link::TopsideLink;
 use nvsprior::vulkan::DeviceKind;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
 use nvsprior_inputs::keys::KeyArgs;
+use nvsprior_link::TopsideLink;
 
 use crate::endpoint;
 use crate::journal::LogArgs;

@@ -4,9 +4,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::link::LinkError;
 use nvsprior::prior::{PriorError, replace_file};
 use nvsprior_inputs::values::WrongUsage;
+use nvsprior_link::LinkError;
 
 /// Who of a link's two sides stores it: both may use one key file.
 #[derive(Clone, Copy)]

@@ -5,10 +5,6 @@ mod frames;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use nvsprior::link::{
-    CameraFrame, LinkError, Pacing, Vehicle, VehicleEvent, VehicleLink, VehicleOptions,
-};
-use nvsprior::modem::Loss;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{EncoderOptions, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs};
@@ -17,6 +13,10 @@ use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_link::modem::Loss;
+use nvsprior_link::{
+    CameraFrame, LinkError, Pacing, Vehicle, VehicleEvent, VehicleLink, VehicleOptions,
+};
 
 use crate::endpoint;
 use crate::journal::{Journal, LogArgs, utc};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::keys::{DEFAULT_TAG_BYTES, KeyError, Keys, MAX_TAG_BYTES, MIN_TAG_BYTES};
+use nvsprior_link::keys::{DEFAULT_TAG_BYTES, KeyError, Keys, MAX_TAG_BYTES, MIN_TAG_BYTES};
 use zeroize::Zeroizing;
 
 /// A key that both sides hold.

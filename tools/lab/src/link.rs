@@ -13,20 +13,20 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
-use nvsprior::keys::Keys;
-use nvsprior::link::{
-    LinkError, Pacing, Playout, TopsideLink, TopsideOptions, VehicleLink, VehicleOptions,
-};
-use nvsprior::modem::{Loss, MIN_CHECKED_MTU, MIN_MTU, Protection};
 use nvsprior::residual::Tune;
 use nvsprior::{EncoderOptions, Mode, Picture};
+use nvsprior_channel::channel::ChannelOptions;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
-use nvsprior_link::channel::ChannelOptions;
+use nvsprior_link::keys::Keys;
+use nvsprior_link::modem::{Loss, MIN_CHECKED_MTU, MIN_MTU, Protection};
+use nvsprior_link::{
+    LinkError, Pacing, Playout, TopsideLink, TopsideOptions, VehicleLink, VehicleOptions,
+};
 
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;

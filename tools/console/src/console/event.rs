@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use nvsprior::link::Region;
+use nvsprior_link::Region;
 
 /// Events that may wait. If there are more datagrams, the next ones are dropped.
 pub const EVENTS: usize = 1024;

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use nvsprior::modem::CollectorStatistics;
+use nvsprior_link::modem::CollectorStatistics;
 
 /// Seconds that are kept.
 pub const KEPT: usize = 120;

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use nvsprior::link::{
+use nvsprior::render::Scene;
+use nvsprior::{Camera, Decoded, Engine, Error};
+use nvsprior_link::{
     ClockSource, LinkError, Playout, Region, Topside, TopsideEvent, TopsideLink, TopsideOptions,
     Worth,
 };
-use nvsprior::render::Scene;
-use nvsprior::{Camera, Decoded, Engine, Error};
 
 use super::missing::Refusal;
 use crate::state_file::StateFile;

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use nvsprior::Camera;
-use nvsprior::link::Region;
 use nvsprior::prior::replace_file;
+use nvsprior_link::Region;
 use serde::{Deserialize, Serialize};
 
 /// Seconds after which it is another dive.

@@ -1,6 +1,6 @@
 //! What the page is told, as JSON. Times are seconds, places are pixels of the picture that they are drawn into.
 
-use nvsprior::link::ClockSource;
+use nvsprior_link::ClockSource;
 use serde::Serialize;
 
 use super::missing::Missing;

@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use nvsprior::link::{Region, TopsideOptions as LinkOptions, VERY_OLD, Worth};
 use nvsprior::{Engine, Picture, Prior};
+use nvsprior_link::{Region, TopsideOptions as LinkOptions, VERY_OLD, Worth};
 use tokio::sync::watch;
 
 use super::clock::Clock;

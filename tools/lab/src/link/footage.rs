@@ -6,9 +6,9 @@ use anyhow::Context as _;
 use nvsprior::image::Preprocessor;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Picture};
+use nvsprior_channel::forth_and_back;
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::Input;
-use nvsprior_link::forth_and_back;
 
 use super::region::Region;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nvsprior::link::Recalled;
+use nvsprior_link::Recalled;
 use serde::Serialize;
 
 use super::Setting;

@@ -1,7 +1,7 @@
 //! What was sent of a frame.
 
-use nvsprior::modem::{Division, ModemError};
 use nvsprior::packet::{Extent, residual_part_len};
+use nvsprior_link::modem::{Division, ModemError};
 
 pub struct SentPacket {
     pub frame: usize,

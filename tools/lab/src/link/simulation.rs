@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::path::Path;
 use std::sync::Arc;
 
-use nvsprior::keys::Keys;
-use nvsprior::link::{CameraFrame, Recalled, Topside, Vehicle};
-use nvsprior::modem::Division;
 use nvsprior::render::Scene;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Engine, Picture};
+use nvsprior_link::keys::Keys;
+use nvsprior_link::modem::Division;
+use nvsprior_link::{CameraFrame, Recalled, Topside, Vehicle};
 
 use super::Setting;
 use super::channel::LoggedChannel;

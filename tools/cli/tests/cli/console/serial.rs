@@ -71,7 +71,7 @@ fn a_modem_on_a_serial_line_is_spoken_to_and_waited_for() {
     }
     let state = console.until("a picture", |state| state["picture"]["complete"] == true);
     assert!(state["link"]["garbage"].as_u64() >= Some(2), "{state:#}");
-    let (report, _) = nvsprior::modem::Report::read(&modem.receive()).unwrap();
+    let (report, _) = nvsprior_link::modem::Report::read(&modem.receive()).unwrap();
     assert!(report.packets().next().is_some(), "it tells of the packet");
 
     drop(modem);
@@ -82,5 +82,5 @@ fn a_modem_on_a_serial_line_is_spoken_to_and_waited_for() {
     console.until("that it is there again", |state| state["stopped"].is_null());
     second.iter().for_each(|frame| modem.send(frame));
     console.until_picture(number + 1);
-    assert!(nvsprior::modem::Report::read(&modem.receive()).is_ok(), "to the new device");
+    assert!(nvsprior_link::modem::Report::read(&modem.receive()).is_ok(), "to the new device");
 }

@@ -1,12 +1,12 @@
 //! A vehicle and the console's pictures, over a link that loses modem frames. Time is counted, not waited for.
 
-use nvsprior::link::{AgeLimit, CameraFrame, Vehicle, VehicleOptions};
-use nvsprior::modem::Loss;
 use nvsprior::random::Random;
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{EncoderOptions, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, PRIOR, Run};
-use nvsprior_link::forth_and_back;
+use nvsprior_channel::forth_and_back;
+use nvsprior_link::modem::Loss;
+use nvsprior_link::{AgeLimit, CameraFrame, Vehicle, VehicleOptions};
 
 use super::*;
 

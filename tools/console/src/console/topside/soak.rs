@@ -5,9 +5,9 @@ use std::io::{Read, Write};
 use std::net::{TcpStream, UdpSocket};
 use std::sync::mpsc::sync_channel;
 
-use nvsprior::link::{CameraFrame, STAMP_PERIOD as PERIOD, Vehicle};
 use nvsprior::tracking::{FrameInfo, Hint};
-use nvsprior_link::forth_and_back;
+use nvsprior_channel::forth_and_back;
+use nvsprior_link::{CameraFrame, STAMP_PERIOD as PERIOD, Vehicle};
 
 use super::*;
 use crate::console::event::EVENTS;
