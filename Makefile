@@ -211,7 +211,7 @@ lint:
 	cargo fmt --all --check
 	cargo clippy $(ALL) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels \
-		--package nvsprior-link --package nvsprior-capi
+		--package nvsprior-link --package nvsprior-formats --package nvsprior-capi
 
 lib:
 	@scripts/setup.sh lib

@@ -57,10 +57,11 @@ mod pipeline;
 mod queue;
 mod range_coder;
 
-/// What the C library and the ends of a link take apart. No promise.
+/// What the other crates of this repository take apart. No promise.
 #[doc(hidden)]
 pub mod parts {
     pub use crate::frame_work::{Coder, FrameWork};
+    pub use crate::prior::ply_header::{Comments, check_length, read_header, rest_properties};
     pub use crate::queue::{Body, Interrupt, Lost, Queue, Spawn, Worker};
 }
 

@@ -86,14 +86,15 @@ fn other_containers_hold_the_same_scenes() {
     let Some(reef) = reef_file("prior.ply") else { return };
     let folder = reef.parent().unwrap().with_file_name("formats");
     for (packed, plain, format) in [
-        ("biker.spz", "biker.ply", PriorFormat::Spz(4)),
-        ("guitar.compressed.ply", "guitar.ply", PriorFormat::PlyCompressed),
+        ("biker.spz", "biker.ply", PriorFormat::Foreign("SPZ", Some(4))),
+        ("guitar.compressed.ply", "guitar.ply", PriorFormat::Foreign("PLY, compressed", None)),
     ] {
         if !folder.join(packed).exists() {
             println!("skipped: {packed} is not here");
             continue;
         }
-        let open = |name: &str| Prior::open(&folder.join(name), &Default::default()).unwrap();
+        let open =
+            |name: &str| nvsprior_formats::open(&folder.join(name), &Default::default()).unwrap();
         let (packed, plain) = (open(packed), open(plain));
         assert_eq!(packed.report().format, format);
         let found = differences(packed.splats(), plain.splats());
@@ -117,10 +118,13 @@ fn other_containers_hold_the_same_scenes() {
 fn other_programs_files_are_read_as_they_are_meant() {
     let open = |name: &str| {
         let file = format!("{}/tests/formats/{name}", env!("CARGO_MANIFEST_DIR"));
-        Prior::open(file.as_ref(), &Default::default()).unwrap()
+        nvsprior_formats::open(file.as_ref(), &Default::default()).unwrap()
     };
     let (plain, gltf, sog) = (open("twelve.ply"), open("twelve.glb"), open("twelve.sog"));
-    assert_eq!([gltf.report().format, sog.report().format], [PriorFormat::Gltf, PriorFormat::Sog]);
+    assert_eq!(
+        [gltf.report().format, sog.report().format],
+        [PriorFormat::Foreign("glTF, binary", None), PriorFormat::Foreign("SOG", Some(2))]
+    );
     // Its glTF is turned about z by half a turn. Then y and x of degree 1 change their signs.
     let mut turned = plain.splats().clone();
     for [x, y, _] in &mut turned.positions {

@@ -73,7 +73,9 @@ impl PriorSettings {
     fn read(&self, path: &Path) -> Result<Content, PriorError> {
         match self.is_in_blocks() {
             true => Ok(Content::InBlocks(Arc::new(BlockedPrior::open(path)?))),
-            false => Ok(Content::Whole(Box::new(Prior::open(path, &Default::default())?))),
+            false => {
+                Ok(Content::Whole(Box::new(nvsprior_formats::open(path, &Default::default())?)))
+            }
         }
     }
 

@@ -51,7 +51,7 @@ impl PyPrior {
         trained_focal: Option<f32>,
     ) -> PyResult<PyPrior> {
         let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
-        let prior = detached(py, || Ok(Prior::open(&path, &overrides)?))?;
+        let prior = detached(py, || Ok(nvsprior_formats::open(&path, &overrides)?))?;
         Ok(PyPrior(Arc::new(prior)))
     }
 
@@ -71,7 +71,7 @@ impl PyPrior {
         trained_focal: Option<f32>,
     ) -> PyResult<PyPrior> {
         let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
-        let prior = detached(py, || Ok(Prior::from_bytes(content, name, &overrides)?))?;
+        let prior = detached(py, || Ok(nvsprior_formats::from_bytes(content, name, &overrides)?))?;
         Ok(PyPrior(Arc::new(prior)))
     }
 

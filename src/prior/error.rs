@@ -85,7 +85,7 @@ pub enum PriorError {
 
 impl PriorError {
     /// Adds the name of the file to an error.
-    pub(super) fn in_file(self, file: &str) -> PriorError {
+    pub fn in_file(self, file: &str) -> PriorError {
         PriorError::InFile { file: file.to_owned(), error: Box::new(self) }
     }
 }

@@ -7,8 +7,6 @@ use std::path::Path;
 use super::error::PriorError;
 use super::file_content::PriorFile;
 use super::{blocked, compact, ply};
-#[cfg(feature = "formats")]
-use super::{gltf, sog, spz};
 
 type Reader = fn(&[u8]) -> Result<PriorFile, PriorError>;
 
@@ -17,14 +15,6 @@ const FORMATS: &[(&[u8], Reader)] = &[
     (ply::MAGIC, ply::read_ply),
     (compact::MAGIC, compact::read),
     (&blocked::MAGIC, blocked::read),
-    #[cfg(feature = "formats")]
-    (spz::MAGICS[0], spz::read),
-    #[cfg(feature = "formats")]
-    (spz::MAGICS[1], spz::read),
-    #[cfg(feature = "formats")]
-    (gltf::MAGIC, gltf::read),
-    #[cfg(feature = "formats")]
-    (sog::MAGIC, sog::read),
 ];
 
 /// What reads files that start so.

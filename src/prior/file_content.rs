@@ -28,7 +28,7 @@ pub struct PriorFile {
 
 impl PriorFile {
     /// One that holds nothing else.
-    pub(super) fn new(splats: Splats, options: RenderOptions, format: PriorFormat) -> PriorFile {
+    pub fn new(splats: Splats, options: RenderOptions, format: PriorFormat) -> PriorFile {
         PriorFile {
             splats,
             options,

@@ -7,8 +7,6 @@ pub mod blocked;
 mod check;
 mod claims;
 pub mod compact;
-#[cfg(feature = "formats")]
-mod compressed_ply;
 mod container;
 mod coordinate_frame;
 mod error;
@@ -17,8 +15,6 @@ pub mod extras_file;
 mod fault;
 mod file;
 mod file_content;
-#[cfg(feature = "formats")]
-mod gltf;
 mod id;
 mod identity;
 mod key_frames;
@@ -26,7 +22,8 @@ mod limits;
 mod options;
 mod orientation;
 pub mod ply;
-mod ply_header;
+#[allow(missing_docs)] // Of the crates of this repository.
+pub(crate) mod ply_header;
 mod ply_row;
 mod pose_trials;
 #[allow(clippy::module_inception)]
@@ -34,13 +31,7 @@ mod prior;
 mod replace;
 mod report;
 mod rewrite;
-#[cfg(feature = "formats")]
-mod sh_rotation;
-#[cfg(feature = "formats")]
-mod sog;
 mod splats;
-#[cfg(feature = "formats")]
-mod spz;
 
 pub use besides::Besides;
 pub use check::Dropped;

@@ -61,10 +61,6 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         return Err(PriorError::UnknownFormat);
     }
     let (header, body) = read_header(bytes)?;
-    #[cfg(feature = "formats")]
-    if super::compressed_ply::is_packed(&header) {
-        return super::compressed_ply::read(bytes, header, body);
-    }
     let layout = Layout::of(&header)?;
     check_length(&header, layout.element, body, bytes.len())?;
     let comments = Comments::of(header.comments)?;

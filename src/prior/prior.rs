@@ -58,13 +58,24 @@ impl Prior {
         bytes: Vec<u8>,
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
-        let read = Prior::from_bytes(&bytes, &path.display().to_string(), &Default::default())?;
+        let named = |error: PriorError| error.in_file(&path.display().to_string());
+        let content = file::read(&bytes).map_err(named)?;
         drop(bytes);
+        Prior::from_file_content(path, content, overrides)
+    }
+
+    /// As [`Prior::from_file`], of what another reader found in the file.
+    pub fn from_file_content(
+        path: &Path,
+        content: PriorFile,
+        overrides: &RenderOverrides,
+    ) -> Result<Prior, PriorError> {
+        let named = |error: PriorError| error.in_file(&path.display().to_string());
+        let read = Prior::build(content).map_err(named)?;
         let extras = match read.report.format.is_own() {
             true => None,
             false => extras_file::read(path, read.id, read.len())?,
         };
-        let named = |error: PriorError| error.in_file(&path.display().to_string());
         let prior = read.with_overrides(overrides).map_err(named)?;
         Ok(match extras {
             Some(extras) => Prior { extras, ..prior },
@@ -78,10 +89,18 @@ impl Prior {
         name: &str,
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
-        let build = |file: PriorFile| {
-            Prior::build(PriorFile { options: overrides.over(file.options), ..file })
-        };
-        file::read(bytes).and_then(build).map_err(|error| error.in_file(name))
+        let content = file::read(bytes).map_err(|error| error.in_file(name))?;
+        Prior::from_content(content, name, overrides)
+    }
+
+    /// As [`Prior::from_bytes`], of what another reader found in the content.
+    pub fn from_content(
+        content: PriorFile,
+        name: &str,
+        overrides: &RenderOverrides,
+    ) -> Result<Prior, PriorError> {
+        let options = overrides.over(content.options);
+        Prior::build(PriorFile { options, ..content }).map_err(|error| error.in_file(name))
     }
 
     /// Makes a prior of splats in memory. Invalid splats are dropped and counted, as from a file.

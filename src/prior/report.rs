@@ -19,18 +19,8 @@ pub enum PriorFormat {
     Compact,
     /// A prior in blocks.
     Blocked,
-    /// A PLY file packed by PlayCanvas's tools.
-    #[cfg(feature = "formats")]
-    PlyCompressed,
-    /// A scene in Niantic's format, of this version.
-    #[cfg(feature = "formats")]
-    Spz(u32),
-    /// A binary glTF file.
-    #[cfg(feature = "formats")]
-    Gltf,
-    /// A scene in PlayCanvas's format SOG.
-    #[cfg(feature = "formats")]
-    Sog,
+    /// A format that another reader knows: its name, and the version if it has several.
+    Foreign(&'static str, Option<u32>),
 }
 
 impl PriorFormat {
@@ -49,14 +39,10 @@ impl fmt::Display for PriorFormat {
             PriorFormat::PlyBigEndian => "PLY, binary big endian",
             PriorFormat::Compact => "compact prior",
             PriorFormat::Blocked => "blocked prior",
-            #[cfg(feature = "formats")]
-            PriorFormat::PlyCompressed => "PLY, compressed",
-            #[cfg(feature = "formats")]
-            PriorFormat::Spz(version) => return write!(f, "SPZ, version {version}"),
-            #[cfg(feature = "formats")]
-            PriorFormat::Gltf => "glTF, binary",
-            #[cfg(feature = "formats")]
-            PriorFormat::Sog => "SOG, version 2",
+            PriorFormat::Foreign(name, Some(version)) => {
+                return write!(f, "{name}, version {version}");
+            }
+            PriorFormat::Foreign(name, None) => name,
         })
     }
 }

@@ -25,7 +25,7 @@ impl Splats {
     pub const MAX_SH_DEGREE: u32 = MAX_SH_DEGREE;
 
     /// None yet, with room for `count` of the degree.
-    pub(crate) fn with_capacity(count: usize, sh_degree: u32) -> Splats {
+    pub fn with_capacity(count: usize, sh_degree: u32) -> Splats {
         let mut splats = Splats { sh_degree, ..Splats::default() };
         splats.positions.reserve_exact(count);
         splats.log_scales.reserve_exact(count);

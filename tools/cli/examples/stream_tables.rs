@@ -13,7 +13,7 @@ use nvsprior::packet::Packet;
 use nvsprior::render::Plan;
 use nvsprior::residual::Viewpoint;
 use nvsprior::residual::wavelet::Step;
-use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Prior};
+use nvsprior::{Encoder, EncoderOptions, Engine, Picture};
 use nvsprior_inputs::args::SizeArgs;
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_train::coder_tables::{RunFrame, TableOptions, measure_stream, train_stream_tables};
@@ -65,7 +65,7 @@ fn run_of(
     cameras: &str,
     split: &str,
 ) -> anyhow::Result<Vec<Vec<RunFrame>>> {
-    let prior = Prior::open(Path::new(prior), &Default::default())?;
+    let prior = nvsprior_formats::open(Path::new(prior), &Default::default())?;
     let scene = engine.upload(&prior)?;
     let input = InputArgs {
         cameras: Some(cameras.into()),

@@ -89,7 +89,7 @@ struct Parts {
 
 impl Parts {
     fn read(args: &Args) -> anyhow::Result<Parts> {
-        let open = |path| Prior::open(path, &args.overrides.overrides());
+        let open = |path| nvsprior_formats::open(path, &args.overrides.overrides());
         let first = open(&args.priors[0])?;
         let (mut splats, mut extras) = (first.splats().clone(), first.extras().clone());
         let mut poses = first.key_frames().poses().to_vec();

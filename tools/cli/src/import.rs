@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use nvsprior::Prior;
 use nvsprior::prior::{compact, replace_file};
 use nvsprior_inputs::args::OverrideArgs;
 use nvsprior_inputs::values;
@@ -35,7 +34,7 @@ fn compact_file(text: &str) -> Result<PathBuf, String> {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &args.out)?;
-    let prior = Prior::open(&args.foreign, &args.overrides.overrides())?;
+    let prior = nvsprior_formats::open(&args.foreign, &args.overrides.overrides())?;
     let report = prior.report();
     let name = args.foreign.display();
     anyhow::ensure!(

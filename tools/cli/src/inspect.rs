@@ -40,7 +40,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let prior = nvsprior_formats::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
     for dive in record::of(&prior)? {

@@ -22,10 +22,11 @@ pub struct PriorFile {
 impl PriorFile {
     /// Reads it, and finds out before any work whether what is asked for can be written.
     pub fn open(path: &Path, out: Option<&Path>) -> anyhow::Result<PriorFile> {
-        let bytes = Prior::read_file(path)?;
-        let own = Prior::from_bytes(&bytes, &path.display().to_string(), &Default::default())?;
+        let bytes = nvsprior_formats::read_file(path)?;
+        let own =
+            nvsprior_formats::from_bytes(&bytes, &path.display().to_string(), &Default::default())?;
         // What lies beside a foreign file may be what this shall replace.
-        let prior = match Prior::from_file(path, bytes.clone(), &Default::default()) {
+        let prior = match nvsprior_formats::from_file(path, bytes.clone(), &Default::default()) {
             Ok(prior) => prior,
             Err(error) => {
                 tell!("{error}; it is written anew");

@@ -94,7 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         values::check_file("--sheet", sheet)?;
     }
     check_not_over(&args.prior, &args.out)?;
-    let prior = Prior::open(&args.prior, &args.overrides.overrides())?;
+    let prior = nvsprior_formats::open(&args.prior, &args.overrides.overrides())?;
     container.check_tables(prior.coder_tables().is_some())?;
     let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;
@@ -114,7 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;
     let bytes = bench.save(&splats)?;
-    let reduced = Prior::open(&args.out, &Default::default())?;
+    let reduced = nvsprior_formats::open(&args.out, &Default::default())?;
     let size = std::fs::metadata(&args.prior)?.len();
     bench.print(&reduced, size, bytes as u64)?;
     if let Some(path) = &args.sheet {

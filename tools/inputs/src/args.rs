@@ -101,7 +101,7 @@ impl DeviceArgs {
 impl PriorArgs {
     /// Reads the prior, saying what was left out of it.
     pub fn open(&self) -> anyhow::Result<Prior> {
-        let prior = Prior::open(&self.prior, &self.overrides.overrides())?;
+        let prior = nvsprior_formats::open(&self.prior, &self.overrides.overrides())?;
         for dropped in &prior.report().dropped {
             tell!("{}: {dropped}", self.prior.display());
         }

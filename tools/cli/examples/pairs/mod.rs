@@ -1,7 +1,7 @@
 //! The frames of a run with the prior's renders, for the examples that train what comes with the library.
 
 use anyhow::Context as _;
-use nvsprior::{Encoder, EncoderOptions, Engine, Prior};
+use nvsprior::{Encoder, EncoderOptions, Engine};
 use nvsprior_inputs::args::SizeArgs;
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_train::coder_tables::Pair;
@@ -27,7 +27,7 @@ impl Run {
 
 /// The frames of a run with a certain pose, with the prior's renders.
 fn pairs_of(engine: &Engine, [prior, cameras, split]: &[String; 3]) -> anyhow::Result<Vec<Pair>> {
-    let scene = engine.upload(&Prior::open(prior.as_ref(), &Default::default())?)?;
+    let scene = engine.upload(&nvsprior_formats::open(prior.as_ref(), &Default::default())?)?;
     let input = InputArgs {
         cameras: Some(cameras.into()),
         split: (split != "-").then(|| split.clone()),

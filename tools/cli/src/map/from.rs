@@ -49,7 +49,7 @@ const SHOWN: f32 = 0.5;
 impl FromArgs {
     /// The prior to go on with, if one is given.
     pub fn prior(&self, overrides: &OverrideArgs) -> anyhow::Result<Option<Prior>> {
-        let open = |path: &PathBuf| Ok(Prior::open(path, &overrides.overrides())?);
+        let open = |path: &PathBuf| Ok(nvsprior_formats::open(path, &overrides.overrides())?);
         self.from.as_ref().map(open).transpose()
     }
 

@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-use super::super::{Prior, RenderOverrides};
 use super::*;
+use nvsprior::RenderOverrides;
 
 /// A lossless picture, two pixels high.
 fn webp(pixels: &[[u8; 4]]) -> Vec<u8> {
@@ -67,7 +67,7 @@ fn near(a: &[f32], b: &[f32]) {
 fn values_are_those_of_the_format() {
     let (meta, pictures) = plain();
     let file = read(&archive(&meta, &pictures)).unwrap();
-    assert_eq!(file.format, PriorFormat::Sog);
+    assert_eq!(file.format, FORMAT);
     assert_eq!(file.options, RenderOptions { antialiased: true, ..RenderOptions::INRIA });
     let s = &file.splats;
     assert_eq!((s.len(), s.sh_degree, s.check_shape().is_ok()), (3, 1, true));
@@ -139,6 +139,6 @@ proptest! {
         let (at, end) = (at % file.len(), end % file.len());
         prop_assert!(read(&file[..end]).is_err());
         file[at] = byte;
-        let _ = Prior::from_bytes(&file, "x", &RenderOverrides::default());
+        let _ = crate::from_bytes(&file, "x", &RenderOverrides::default());
     }
 }

@@ -2,10 +2,10 @@
 
 use glam::{DMat3, DMat4, DQuat, DVec3};
 
-use super::super::PriorError;
-use super::super::sh_rotation::ShRotation;
 use super::container::refusal;
 use super::document::{Document, Node, Primitive};
+use crate::sh_rotation::ShRotation;
+use nvsprior::prior::PriorError;
 
 /// Deepest tree of nodes.
 const MAX_DEPTH: usize = 64;

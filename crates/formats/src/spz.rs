@@ -14,8 +14,8 @@ use std::io::Read;
 use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-use super::limits::MAX_SPLATS;
-use super::{PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
+use nvsprior::{Prior, RenderOptions};
 
 /// How SPZ files start: as gzip up to version 3, with the format's own mark in version 4.
 pub const MAGICS: [&[u8]; 2] = [&[0x1f, 0x8b], b"NGSP"];
@@ -56,7 +56,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         _ => vec!["SPZ extensions, ignored".into()],
     };
     let options = RenderOptions { antialiased, ..RenderOptions::INRIA };
-    let format = PriorFormat::Spz(header.version);
+    let format = PriorFormat::Foreign("SPZ", Some(header.version));
     Ok(PriorFile { comments, ..PriorFile::new(header.splats(&streams), options, format) })
 }
 
@@ -82,7 +82,7 @@ impl Header {
         if count == 0 {
             return Err(PriorError::Empty);
         }
-        if count > MAX_SPLATS {
+        if count > Prior::MAX_SPLATS {
             return Err(PriorError::TooMany { count });
         }
         let sh_degree = u32::from(bytes[12]);

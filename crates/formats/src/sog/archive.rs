@@ -5,8 +5,8 @@ use std::io::{Cursor, Read};
 use image_webp::WebPDecoder;
 use zip::ZipArchive;
 
-use super::super::PriorError;
 use super::meta::refusal;
+use nvsprior::prior::PriorError;
 
 /// How ZIP archives start.
 pub const MAGIC: &[u8] = b"PK\x03\x04";

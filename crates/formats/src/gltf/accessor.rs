@@ -1,8 +1,8 @@
 //! Numbers in a glTF file, of any component type.
 
-use super::super::PriorError;
 use super::container::refusal;
 use super::document::{Document, Primitive};
+use nvsprior::prior::PriorError;
 
 /// What accessors show.
 pub struct Accessors<'a> {

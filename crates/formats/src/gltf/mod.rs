@@ -21,11 +21,13 @@ use container::{Container, refusal};
 use document::{Document, Primitive, SPLATS};
 use placement::Placement;
 
-use super::limits::MAX_SPLATS;
-use super::spz::logit;
-use super::{PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use crate::spz::logit;
+use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
+use nvsprior::{Prior, RenderOptions};
 
 pub use container::MAGIC;
+
+const FORMAT: PriorFormat = PriorFormat::Foreign("glTF, binary", None);
 
 /// Reads a binary glTF file. Memory grows with the number of splats that its scene shows.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
@@ -40,7 +42,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     ) else {
         return Err(PriorError::Empty);
     };
-    if count > MAX_SPLATS {
+    if count > Prior::MAX_SPLATS {
         return Err(PriorError::TooMany { count });
     }
     let accessors =
@@ -53,7 +55,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         columns.append(placement, &mut splats);
     }
     let comments = document.asset.generator.iter().map(|by| format!("generator {by}")).collect();
-    let file = PriorFile::new(splats, RenderOptions::INRIA, PriorFormat::Gltf);
+    let file = PriorFile::new(splats, RenderOptions::INRIA, FORMAT);
     Ok(PriorFile { comments, ..file })
 }
 

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
 
-use crate::shared;
+use nvsprior_kernels::shared;
 
 /// Coefficients up to degree 3.
 const ALL: usize = 16;

@@ -6,13 +6,13 @@
 //! ten for each of the others) and `packed_color` (four bytes: colour between the bounds or 0 and 1, and opacity).
 //! Element `sh`, if there is one, has one byte per `f_rest_*`. The file is always binary, little endian, without lists.
 //!
-//! Comments mean what they mean in other PLY files, see [`super::ply`].
+//! Comments mean what they mean in other PLY files, see [`nvsprior::prior::ply`].
 
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PropertyType, ScalarType};
 
-use super::limits::MAX_SPLATS;
-use super::ply_header::{Comments, check_length, rest_properties};
-use super::{PriorError, PriorFile, PriorFormat, Splats};
+use nvsprior::Prior;
+use nvsprior::parts::{Comments, check_length, read_header, rest_properties};
+use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats, ply};
 
 const CHUNK: usize = 256;
 
@@ -32,14 +32,23 @@ const BOUNDS: [&str; 18] = [
     "min_r", "min_g", "min_b", "max_r", "max_g", "max_b",
 ];
 
+const FORMAT: PriorFormat = PriorFormat::Foreign("PLY, compressed", None);
+
+/// Reads a file; `None` if it is none of these, or its header is none that can be read.
+pub fn read(bytes: &[u8]) -> Option<Result<PriorFile, PriorError>> {
+    let (header, body) =
+        bytes.starts_with(ply::MAGIC).then(|| read_header(bytes).ok()).flatten()?;
+    is_packed(&header).then(|| read_packed(bytes, header, body))
+}
+
 /// Whether a header is that of a packed file.
-pub fn is_packed(header: &PlyHeader) -> bool {
+fn is_packed(header: &PlyHeader) -> bool {
     let vertex = header.elem_defs.iter().find(|e| e.name == "vertex");
     vertex.is_some_and(|v| PACKED.iter().all(|name| v.properties.iter().any(|p| p.name == *name)))
 }
 
 /// Reads a packed file, whose header takes `body` bytes.
-pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, PriorError> {
+fn read_packed(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, PriorError> {
     if header.format != PlyFormat::BinaryLittleEndian {
         return Err(PriorError::Header { reason: "packed, but not binary little endian".into() });
     }
@@ -50,7 +59,7 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
     if vertices.count == 0 {
         return Err(PriorError::Empty);
     }
-    if vertices.count > MAX_SPLATS {
+    if vertices.count > Prior::MAX_SPLATS {
         return Err(PriorError::TooMany { count: vertices.count });
     }
     if chunks.count < vertices.count.div_ceil(CHUNK) {
@@ -69,7 +78,7 @@ pub fn read(bytes: &[u8], header: PlyHeader, body: usize) -> Result<PriorFile, P
         sh.push(&mut splats, bytes, index);
     }
     let comments = Comments::of(header.comments)?;
-    Ok(comments.file(splats, PriorFormat::PlyCompressed))
+    Ok(comments.file(splats, FORMAT))
 }
 
 /// Appends a splat, up to the constant coefficients.
@@ -79,7 +88,7 @@ fn push(splats: &mut Splats, bounds: &Bounds, [position, rotation, scale, colour
     splats.log_scales.push(between(thirds(scale), min_scale, max_scale));
     splats.rotations.push(quaternion(rotation));
     let [r, g, b, opacity] = colour.to_be_bytes().map(|v| f64::from(v) / 255.0);
-    splats.opacity_logits.push(super::spz::logit(opacity));
+    splats.opacity_logits.push(crate::spz::logit(opacity));
     let rgb = between([r, g, b], min_colour, max_colour);
     splats.sh.extend(rgb.map(|v| ((f64::from(v) - 0.5) / SH_C0) as f32));
 }

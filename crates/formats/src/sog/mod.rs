@@ -14,11 +14,13 @@ mod meta;
 use archive::{Archive, Pixels};
 use meta::{Meta, refusal};
 
-use super::limits::MAX_SPLATS;
-use super::spz::logit;
-use super::{PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
+use crate::spz::logit;
+use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
+use nvsprior::{Prior, RenderOptions};
 
 pub use archive::MAGIC;
+
+const FORMAT: PriorFormat = PriorFormat::Foreign("SOG", Some(2));
 
 /// Most splats that a byte of the file may stand for. Files have some eight bytes for each.
 const SPLATS_PER_BYTE: usize = 16;
@@ -37,7 +39,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if count == 0 {
         return Err(PriorError::Empty);
     }
-    if count > MAX_SPLATS {
+    if count > Prior::MAX_SPLATS {
         return Err(PriorError::TooMany { count });
     }
     if count > bytes.len().saturating_mul(SPLATS_PER_BYTE) {
@@ -64,7 +66,7 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     append_colours(&mut splats, &meta, &colours, &mut archive)?;
     let options = RenderOptions { antialiased: meta.antialias, ..RenderOptions::INRIA };
     let comments = meta.asset.generator.iter().map(|by| format!("generator {by}")).collect();
-    Ok(PriorFile { comments, ..PriorFile::new(splats, options, PriorFormat::Sog) })
+    Ok(PriorFile { comments, ..PriorFile::new(splats, options, FORMAT) })
 }
 
 /// Constant coefficients from `colours`, the others from the palette.

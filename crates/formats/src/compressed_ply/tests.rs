@@ -1,9 +1,11 @@
 use proptest::prelude::*;
 
-use super::super::Prior;
-use super::super::RenderOverrides;
-use super::super::ply::read_ply;
 use super::*;
+use nvsprior::RenderOverrides;
+
+fn packed(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    read(bytes).expect("a packed file")
+}
 
 /// A file of two splats in a chunk, with or without bounds of colours and spherical harmonics.
 fn file(coloured: bool, sh: bool) -> Vec<u8> {
@@ -38,8 +40,8 @@ fn file(coloured: bool, sh: bool) -> Vec<u8> {
 #[test]
 fn values_are_those_of_the_format() {
     for coloured in [false, true] {
-        let scene = read_ply(&file(coloured, true)).unwrap();
-        assert_eq!(scene.format, PriorFormat::PlyCompressed);
+        let scene = packed(&file(coloured, true)).unwrap();
+        assert_eq!(scene.format, FORMAT);
         let s = &scene.splats;
         assert_eq!(s.positions, [[1.0, 0.0, 5.0], [-1.0, 0.0, 5.0]]);
         assert_eq!(s.log_scales, [[-8.0, -7.0, -2.0], [-4.0, -3.0, -2.0]]);
@@ -57,7 +59,7 @@ fn values_are_those_of_the_format() {
         assert_eq!(s.sh[3..9], expected);
         assert_eq!(s.sh[11], 4.0);
     }
-    assert_eq!(read_ply(&file(true, false)).unwrap().splats.sh_degree, 0);
+    assert_eq!(packed(&file(true, false)).unwrap().splats.sh_degree, 0);
 }
 
 #[test]
@@ -65,7 +67,7 @@ fn what_is_missing_or_too_short_is_named() {
     let whole = file(true, true);
     let refused = |from: &str, to: &str| {
         let at = whole.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
-        read_ply(&[&whole[..at], to.as_bytes(), &whole[at + from.len()..]].concat()).unwrap_err()
+        packed(&[&whole[..at], to.as_bytes(), &whole[at + from.len()..]].concat()).unwrap_err()
     };
     let missing = |error, name| match error {
         PriorError::MissingProperty { property } => property == name,
@@ -84,7 +86,7 @@ fn what_is_missing_or_too_short_is_named() {
         assert!(matches!(error, PriorError::Header { .. }), "{error}");
     }
     for length in 0..whole.len() {
-        assert!(read_ply(&whole[..length]).is_err(), "{length} bytes");
+        assert!(packed(&whole[..length]).is_err(), "{length} bytes");
     }
 }
 
@@ -99,6 +101,6 @@ proptest! {
             let at = at.index(bytes.len());
             bytes[at] = value;
         }
-        let _ = Prior::from_bytes(&bytes, "damaged", &RenderOverrides::default());
+        let _ = crate::from_bytes(&bytes, "damaged", &RenderOverrides::default());
     }
 }

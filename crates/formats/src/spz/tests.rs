@@ -4,9 +4,8 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
 
-use super::super::Prior;
-use super::super::RenderOverrides;
 use super::*;
+use nvsprior::RenderOverrides;
 
 /// Two splats of degree 1 as version 2 or 3 has them, before gzip.
 fn plain(version: u32) -> Vec<u8> {
@@ -63,7 +62,7 @@ fn values_are_those_of_the_format_turned_to_y_down() {
     for (file, version) in [(zipped(&plain(2)), 2), (zipped(&plain(3)), 3), (framed(&plain(3)), 4)]
     {
         let scene = read(&file).unwrap();
-        assert_eq!(scene.format, PriorFormat::Spz(version));
+        assert_eq!(scene.format, PriorFormat::Foreign("SPZ", Some(version)));
         assert_eq!(scene.options, RenderOptions { antialiased: true, ..RenderOptions::INRIA });
         let s = &scene.splats;
         assert_eq!(s.positions[0], [1.0, 2.0, -1.0 / 4096.0]);
@@ -133,7 +132,7 @@ proptest! {
         if !inside {
             damage(&mut file);
         }
-        let _ = Prior::from_bytes(&file, "damaged", &RenderOverrides::default());
+        let _ = crate::from_bytes(&file, "damaged", &RenderOverrides::default());
     }
 
     #[test]

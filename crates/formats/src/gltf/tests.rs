@@ -1,8 +1,8 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-use super::super::{Prior, RenderOverrides};
 use super::*;
+use nvsprior::RenderOverrides;
 
 /// A file of the chunks.
 fn glb(document: &Value, data: &[u8]) -> Vec<u8> {
@@ -71,7 +71,7 @@ fn near(a: &[f32], b: &[f32]) {
 fn values_are_those_of_the_extension() {
     let (document, data) = plain();
     let file = read(&glb(&document, &data)).unwrap();
-    assert_eq!((file.format, file.options), (PriorFormat::Gltf, RenderOptions::INRIA));
+    assert_eq!((file.format, file.options), (FORMAT, RenderOptions::INRIA));
     assert_eq!(file.comments, ["generator a test"]);
     let s = &file.splats;
     assert_eq!(s.positions, [[1.0, 2.0, 3.0], [-1.0, 0.0, 0.5]]);
@@ -81,7 +81,7 @@ fn values_are_those_of_the_extension() {
     assert_eq!(s.sh_degree, 1);
     assert_eq!(s.sh[..12], [0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0]);
     assert_eq!(
-        Prior::from_bytes(&glb(&document, &data), "x", &RenderOverrides::default()).unwrap().len(),
+        crate::from_bytes(&glb(&document, &data), "x", &RenderOverrides::default()).unwrap().len(),
         2
     );
 }
@@ -208,6 +208,6 @@ proptest! {
         let (at, end) = (at % file.len(), end % file.len());
         prop_assert!(read(&file[..end]).is_err());
         file[at] = byte;
-        let _ = Prior::from_bytes(&file, "x", &RenderOverrides::default());
+        let _ = crate::from_bytes(&file, "x", &RenderOverrides::default());
     }
 }

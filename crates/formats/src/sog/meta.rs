@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::super::{PriorError, Splats};
+use nvsprior::prior::{PriorError, Splats};
 
 /// The file, of version 2.
 #[derive(Deserialize)]

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-use super::super::PriorError;
 use super::container::refusal;
+use nvsprior::prior::PriorError;
 
 /// The extension.
 pub const SPLATS: &str = "KHR_gaussian_splatting";

@@ -1,6 +1,6 @@
 //! The chunks of a binary glTF file.
 
-use super::super::PriorError;
+use nvsprior::prior::PriorError;
 
 /// How binary glTF files start.
 pub const MAGIC: &[u8] = b"glTF";
