@@ -4,7 +4,7 @@ use super::*;
 use nvsprior::RenderOverrides;
 
 fn packed(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    read(bytes).expect("a packed file")
+    read(bytes).unwrap_or_else(|| ply::read_ply(bytes))
 }
 
 /// A file of two splats in a chunk, with or without bounds of colours and spherical harmonics.
