@@ -145,7 +145,7 @@ calibration:
 quick:
 	@scripts/setup.sh run test
 	cargo test $(ALL) --lib --test architecture \
-		--test conformance --test definition --test encode_decode --test fuzz_corpus --test modem_link --test modules \
+		--test conformance --test definition --test encode_decode --test fuzz_corpus --test payload_start --test modules \
 		--test prior_formats --test search --test stream --test wavelet
 
 test:

@@ -14,7 +14,7 @@ use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Session};
 use nvsprior::prior::ply::write_ply;
 use nvsprior::render::{Jacobian, Plan, Scene};
-use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{ResidualDecoder, ResidualEncoder, ResidualSetup};
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Packet, Picture, Pose, Prior, Rate};
 use nvsprior_link::keys::{Authenticator, Content, Key, Keys, Verifier};
@@ -83,7 +83,7 @@ fn code(criterion: &mut Criterion) {
     let (camera, render) = camera_and_render(&engine, &scene);
     let quality = Rate::Quality(10.0);
     let (width, height) = (camera.width, camera.height);
-    let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+    let setup = ResidualSetup::new(width, height);
     let mut encoder = ResidualEncoder::new(&setup);
     let mut group = criterion.benchmark_group("residual wall");
     for (name, rate) in [("quality 10", quality), ("300 bytes", Rate::Bytes(300))] {

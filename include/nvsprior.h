@@ -1201,8 +1201,8 @@ NVSP_CHECKED nvsp_status nvsp_decoder_draw(struct nvsp_decoder *decoder, const s
     struct nvsp_picture *picture);
 
 // Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
-// prior and camera (36 in the paper's profile). Of a packet with a tag give what is behind it. Gives the pose only if
-// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Any thread may call it.
+// prior and camera. Of a packet with a tag give what is behind it. Gives the pose only if the packet is about `prior`.
+// A packet that does not state its prior counts as about `prior`. Any thread may call it.
 // Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
 // NVSP_ERR_NEWER.
 // - `packet`: the packet, or its start.

@@ -14,12 +14,10 @@ use crate::packet::{
 use crate::prior::PoseTrials;
 use crate::queue::Interrupt;
 use crate::render::{Plan, Scene};
-use crate::residual::{
-    Acknowledged, Interest, Mode, ResidualCoder, ResidualSetup, Tune, Viewpoint,
-};
+use crate::residual::{Acknowledged, Interest, Mode, ResidualSetup, Tune, Viewpoint};
 use crate::tracking::{
-    Clock, Covariance, Evaluation, FrameInfo, Objective, Optimizer, PoseEstimate, RefineOptions,
-    Tracker, deviations,
+    Clock, Covariance, Evaluation, FrameInfo, Objective, PoseEstimate, RefineOptions, Tracker,
+    deviations,
 };
 use crate::{Camera, Encoded, Engine, Error, FrameStats, Picture, Rate};
 
@@ -30,24 +28,17 @@ use measured::Coding;
 pub struct EncoderOptions {
     /// How to refine poses.
     pub refine: RefineOptions,
-    /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The gradient methods start
-    /// at the pose of the frame before if the error there is below this. Gauss–Newton compares the pictures to tell
-    /// whether a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and
-    /// does not search afresh.
+    /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The search compares
+    /// the pictures to tell whether a pose is right. If the prior shows too little for that, it keeps a pose whose error
+    /// is below this, and does not search afresh.
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,
-    /// The coder of the difference picture.
-    pub residual: ResidualCoder,
-    /// What counts most in the picture; [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) does not look at
-    /// it.
+    /// What counts most in the picture.
     pub tune: Tune,
     /// Whether difference pictures are predicted from those of earlier frames. They do not if the device is not
     /// portable: the topside could not know their references.
     pub mode: Mode,
-    /// How poses are written: [`PoseProfile::Paper`] for comparisons, else the short code, and the compact one in
-    /// packets that state the session.
-    pub profile: PoseProfile,
     /// State the session, prior and camera, again after this many frames, for a topside that missed it; 0: never again.
     /// It is also stated with the first frame, when the camera changes, and after a reset. It takes 29 bytes.
     pub camera_interval: u32,
@@ -60,13 +51,12 @@ pub struct EncoderOptions {
     /// Poses are stated as what they differ by from those that the topside is known to hold
     /// ([`Encoder::acknowledge_pose`]), in latent parts of 11 to 19 bytes in place of 20. The pose is the same.
     pub predict_poses: bool,
-    /// Packets tell how far the picture is from what the camera saw: see [`crate::truth`]. Not with WebP, and not if
-    /// there is no [`rate`](EncoderOptions::rate).
+    /// Packets tell how far the picture is from what the camera saw: see [`crate::truth`]. Not if there is no
+    /// [`rate`](EncoderOptions::rate).
     pub truth: bool,
     /// Most time that a frame takes, from [`Encoder::encode`] to its packet; `None`: as long as its search takes. Once
     /// it is up, the best pose so far is drawn, coded and sent. The search goes on in the next frames. What one render
-    /// and one coding take is measured when the encoder is made, which also has the driver compile. With Gauss–Newton
-    /// only. With it the same frames need not give the same packets; any of them decodes to the same picture anywhere.
+    /// and one coding take is measured when the encoder is made, which also has the driver compile. With it the same frames need not give the same packets; any of them decodes to the same picture anywhere.
     pub frame_time: Option<Duration>,
     /// The clock that [`frame_time`](EncoderOptions::frame_time) goes by: the system's, or one of a test.
     pub clock: Clock,
@@ -105,10 +95,8 @@ impl Default for EncoderOptions {
             refine: RefineOptions::default(),
             threshold: 1e-3,
             rate: Some(Rate::Quality(10.0)),
-            residual: ResidualCoder::default(),
             tune: Tune::default(),
             mode: Mode::default(),
-            profile: PoseProfile::Compact,
             camera_interval: 64,
             render_checks: RenderChecks::Never,
             first_frame: 0,
@@ -166,14 +154,11 @@ impl Encoder {
         camera: &Camera,
         options: EncoderOptions,
     ) -> Result<Encoder, Error> {
-        if options.mode != Mode::Intra && options.residual != ResidualCoder::Wavelet {
-            return Err(Error::StreamCoder);
-        }
         let interrupt = Interrupt::default();
         let made = objective(engine, scene, camera, &options, &interrupt)?;
         let (objective, frame_time) = timed(made, engine, camera, &options)?;
-        let (threshold, profile) = (options.threshold, options.profile.word());
-        let tracker = Tracker::new(objective, options.refine, threshold, profile);
+        let profile = PoseProfile::Compact.word();
+        let tracker = Tracker::new(objective, options.refine, options.threshold, profile);
         Ok(Encoder {
             engine: engine.clone(),
             scene: scene.clone(),
@@ -244,7 +229,6 @@ impl Encoder {
 
     /// Sets which parts of the picture get more of the bits from here on: what the pilot looks at. `None`: all count
     /// the same. At the same budget the other parts get fewer; [`Rate::Psnr`] stays that of the whole picture.
-    /// [`ResidualCoder::Webp`](crate::residual::ResidualCoder::Webp) knows no such parts.
     pub fn set_interest(&mut self, interest: Option<Interest>) {
         self.interest = interest.map(Arc::new);
     }
@@ -418,11 +402,7 @@ impl Encoder {
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let states_session = self.session_due();
-        let profile = match self.options.profile {
-            PoseProfile::Paper => PoseProfile::Paper,
-            _ if states_session => PoseProfile::Compact,
-            _ => PoseProfile::Short,
-        };
+        let profile = if states_session { PoseProfile::Compact } else { PoseProfile::Short };
         self.tracker.set_profile(profile.word());
         self.treat(work);
         self.tracker.set_time_limit(limit);
@@ -614,7 +594,7 @@ impl Encoder {
             Some(code) => QuantisedPose::of_words(code)?,
             None => QuantisedPose::quantise(&found.outcome.pose, &frame, profile)?,
         };
-        if pose.profile() == PoseProfile::Paper && profile != PoseProfile::Paper {
+        if pose.profile() == PoseProfile::Free {
             // It lies beyond what a packet holds.
             return Err(PacketError::Pose.into());
         }
@@ -651,7 +631,7 @@ impl Encoder {
 
 /// Whether packets get truth maps.
 fn has_truth(options: &EncoderOptions) -> bool {
-    options.truth && options.residual == ResidualCoder::Wavelet
+    options.truth
 }
 
 /// Whether poses may be predicted from those that the topside holds.
@@ -687,7 +667,6 @@ fn residual_setup(
     ResidualSetup {
         width: camera.width,
         height: camera.height,
-        coder: options.residual,
         tune: options.tune,
         tables: scene.coder_tables().clone(),
         portable: engine.device().portable,
@@ -702,12 +681,10 @@ fn objective(
     interrupt: &Interrupt,
 ) -> Result<Objective, Error> {
     camera.check()?;
-    let search = options.refine.optimizer == Optimizer::GaussNewton;
-    let jacobian = options.refine.jacobian();
     let plan = Plan {
         factors: options.factors.clone(),
-        jacobians: if search { Vec::new() } else { vec![jacobian] },
-        search: search.then_some(jacobian),
+        jacobians: Vec::new(),
+        search: Some(options.refine.jacobian),
         sort_precision: options.refine.sort_precision,
         depths: options.mode != Mode::Intra,
         profiled: false,
@@ -725,9 +702,6 @@ fn timed(
     options: &EncoderOptions,
 ) -> Result<(Objective, Option<FrameTime>), Error> {
     let Some(most) = options.frame_time else { return Ok((objective, None)) };
-    if options.refine.optimizer != Optimizer::GaussNewton {
-        return Err(Error::FrameTimeOptimizer);
-    }
     let setup = &residual_setup(engine, objective.renderer().scene(), camera, options);
     let how = Coding { setup, rate: options.rate, has_truth: has_truth(options) };
     let time = measured::frame_time(most, &mut objective, camera, &how, &options.clock)?;

@@ -33,8 +33,6 @@ pub enum Error {
     MaskSize { expected: (u32, u32), found: (u32, u32) },
     #[error("a mask by which no pixel counts; white (128 and more) counts, black does not")]
     MaskEmpty,
-    #[error("streams take the wavelet coder: choose it, or code every frame by itself")]
-    StreamCoder,
     #[error("a budget of {budget} bytes: pose and camera alone take {needed}")]
     Budget { budget: usize, needed: usize },
     #[error(
@@ -64,10 +62,6 @@ pub enum Error {
          at least that"
     )]
     FrameTimeShort { most: f64, least: f64 },
-    #[error(
-        "a most time per frame takes Gauss-Newton: leave out the time, or choose that optimizer"
-    )]
-    FrameTimeOptimizer,
     #[error("prior {found} in place of {expected}")]
     PriorChanged { expected: crate::PriorId, found: crate::PriorId },
     #[error("no thread for coding differences: {0}")]

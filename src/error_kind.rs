@@ -95,15 +95,13 @@ impl Error {
             Error::Queue(error) => error.kind(),
             Error::MaskSize { .. }
             | Error::MaskEmpty
-            | Error::StreamCoder
             | Error::HintPose { .. }
             | Error::HintFar { .. }
             | Error::HintCovariance { .. }
             | Error::HintAge { .. }
             | Error::FrameTime { .. }
             | Error::FrameTimeBack { .. }
-            | Error::FrameTimeShort { .. }
-            | Error::FrameTimeOptimizer => ErrorKind::Argument,
+            | Error::FrameTimeShort { .. } => ErrorKind::Argument,
         }
     }
 }

@@ -38,7 +38,7 @@ pub mod residual;
 pub mod tracking;
 pub mod truth;
 #[allow(unsafe_code)]
-// With `residual::webp` the only place; each block says why it is sound.
+// The only place; each block says why it is sound.
 pub mod vulkan;
 
 mod adaptive_numbers;
@@ -63,6 +63,7 @@ pub mod parts {
     pub use crate::frame_work::{Coder, FrameWork};
     pub use crate::prior::ply_header::{Comments, check_length, read_header, rest_properties};
     pub use crate::queue::{Body, Interrupt, Lost, Queue, Spawn, Worker};
+    pub use crate::search::{PAPER as FREE, PoseCode};
 }
 
 // What tests of all kinds share, which name the library as others do.

@@ -12,7 +12,6 @@ use nvsprior::packet::{Latent, Packet, PoseProfile, QuantisedPose, Residual, Ses
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::prior::{CoordinateFrame, KeyFrames, PriorId};
 use nvsprior::render::{BlockReader, Scene};
-use nvsprior::tracking::Optimizer;
 use nvsprior::{
     Decoded, Decoder, Encoded, Encoder, EncoderOptions, Engine, Mode, Picture, Rate, Structure,
     Trust,
@@ -207,10 +206,4 @@ fn frames_after_the_first_take_nothing_from_the_heap() {
     let foreign = clean_frame(&engine, &engine.upload(&wall(2)).unwrap(), &pose(0.0));
     let lost = [&frames[0], &foreign, &foreign, &frames[1]].map(Picture::clone);
     assert_eq!(heap_calls(&engine, &lost, EncoderOptions::default()), 0, "lost frames");
-    for optimizer in [Optimizer::Bfgs, Optimizer::AdamBfgs] {
-        let mut options = EncoderOptions::default();
-        options.refine.optimizer = optimizer;
-        options.refine.adam.epochs = 20;
-        assert_eq!(heap_calls(&engine, &frames, options), 0, "{}", optimizer.name());
-    }
 }

@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::Residual;
 use nvsprior::residual::{
-    Acknowledged, InStream, Placement, Rate, ResidualCoder, ResidualDecoder, ResidualEncoder,
-    ResidualSetup, StreamFrame, Structure, Viewpoint,
+    Acknowledged, InStream, Placement, Rate, ResidualDecoder, ResidualEncoder, ResidualSetup,
+    StreamFrame, Structure, Viewpoint,
 };
 use nvsprior::{Camera, Picture};
 use proptest::prelude::*;
@@ -67,7 +67,7 @@ impl Coded {
 
 /// Codes frames as a stream.
 fn encode(frames: &[Picture], rate: Rate) -> Vec<Coded> {
-    let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+    let setup = ResidualSetup::new(SIZE.0, SIZE.1);
     let mut encoder = ResidualEncoder::new(&ResidualSetup { portable: true, ..setup });
     let (viewpoint, render) = (viewpoint(), render());
     let code = |(t, picture): (usize, &Picture)| {
@@ -109,7 +109,7 @@ fn what_moves_takes_fewer_bytes() {
         let all = encode(&frames(), Rate::Psnr(target));
         assert!(all.iter().all(|coded| coded.psnr >= target) && all.iter().any(Coded::is_inter));
         let with = all[1..].iter().map(Coded::len).sum::<usize>();
-        let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+        let setup = ResidualSetup::new(SIZE.0, SIZE.1);
         let mut encoder = ResidualEncoder::new(&setup);
         let render = render();
         let mut intra = |picture: &Picture| {

@@ -122,7 +122,7 @@ fn codes_are_those_of_packets() {
     for turn in 0..40 {
         let t = f64::from(turn);
         let at = some_pose().stepped(&[0.1 * t, 0.2, -0.3 * t, 0.31 * t, 0.17 * t, -0.05 * t]);
-        for profile in [PoseProfile::Compact, PoseProfile::Paper, PoseProfile::Short] {
+        for profile in [PoseProfile::Compact, PoseProfile::Free, PoseProfile::Short] {
             let code = quantised(&placement(&at), &anchor, profile.word());
             let short = profile == PoseProfile::Short;
             let placed = pose(&placed(&code, &anchor));

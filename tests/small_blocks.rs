@@ -3,9 +3,7 @@
 use nvsprior::Picture;
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Residual, ResidualStart};
-use nvsprior::residual::{
-    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualError, ResidualSetup,
-};
+use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualError, ResidualSetup};
 use proptest::prelude::*;
 
 const SIZE: (u32, u32) = (128, 72);
@@ -35,7 +33,7 @@ fn pair() -> (Picture, Picture) {
 }
 
 fn encoder(portable: bool) -> ResidualEncoder {
-    let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+    let setup = ResidualSetup::new(SIZE.0, SIZE.1);
     ResidualEncoder::new(&ResidualSetup { portable, ..setup })
 }
 
@@ -204,7 +202,7 @@ proptest! {
             picture
         };
         let (frame, render) = (picture(0), picture(1));
-        let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+        let setup = ResidualSetup::new(width, height);
         let mut encoder = ResidualEncoder::new(&setup);
         let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
         let mut shown = render.clone();

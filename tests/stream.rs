@@ -9,7 +9,7 @@ use common::{assert_silent, engine};
 use nvsprior::image::Mask;
 use nvsprior::packet::{Latent, Residual};
 use nvsprior::render::Scene;
-use nvsprior::residual::{ResidualCoder, ResidualError};
+use nvsprior::residual::ResidualError;
 use nvsprior::{
     Camera, Decoded, Decoder, Encoded, Encoder, EncoderOptions, Error, Mode, Packet, Picture,
     Pipeline, Pose, Rate, Structure, Trust,
@@ -371,11 +371,4 @@ fn a_render_that_is_good_enough_breaks_no_stream() {
     encoder.set_rate(Some(Rate::Quality(40.0)));
     let encoded = encoder.encode(&frames()[11], None).unwrap();
     check_whole(&mut decoder, &encoded);
-}
-
-#[test]
-fn streams_take_the_wavelet_coder() {
-    let options = EncoderOptions { residual: ResidualCoder::Webp, ..options(CHAIN) };
-    let refused = Encoder::new(&engine(), &uploaded(), &CAMERA, options);
-    assert!(matches!(refused, Err(Error::StreamCoder)));
 }

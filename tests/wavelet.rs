@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::{Reference, Residual, ResidualStart};
 use nvsprior::residual::{
-    Acknowledged, InStream, Interest, Placement, Rate, ResidualCoder, ResidualDecoder,
-    ResidualEncoder, ResidualError, ResidualSetup, StreamFrame, Structure, Tune, Viewpoint,
+    Acknowledged, InStream, Interest, Placement, Rate, ResidualDecoder, ResidualEncoder,
+    ResidualError, ResidualSetup, StreamFrame, Structure, Tune, Viewpoint,
 };
 use nvsprior::{Camera, Picture};
 use proptest::prelude::*;
@@ -31,7 +31,7 @@ fn pair() -> (Picture, Picture) {
 }
 
 fn encoder(portable: bool) -> ResidualEncoder {
-    let setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+    let setup = ResidualSetup::new(SIZE.0, SIZE.1);
     ResidualEncoder::new(&ResidualSetup { portable, ..setup })
 }
 
@@ -155,8 +155,7 @@ fn an_encoder_is_tuned_to_what_is_new() {
     sorted.sort_by(f64::total_cmp);
     let limit = sorted[sorted.len() * 9 / 10];
     let errors = |tune: Tune| -> [f64; 2] {
-        let setup =
-            ResidualSetup { tune, ..ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet) };
+        let setup = ResidualSetup { tune, ..ResidualSetup::new(SIZE.0, SIZE.1) };
         let mut encoder = ResidualEncoder::new(&setup);
         let coded = encoder.encode(&frame, &render, Rate::Bytes(150), 0).unwrap();
         assert_eq!(&decode(&Coded::of(&coded.residual), &render), coded.reconstruction);
@@ -237,7 +236,7 @@ fn noise_stays_within_the_longest_payload() {
 fn pictures_of_all_sizes_come_back() {
     for (width, height) in [(1, 1), (1, 9), (7, 2), (5, 5), (33, 17), (64, 200)] {
         let (frame, render) = (shapes(width, height, 90, 3), shapes(width, height, 100, 0));
-        let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+        let setup = ResidualSetup::new(width, height);
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
         for quality in [0.0, 50.0, 100.0] {
@@ -489,7 +488,7 @@ proptest! {
             false => body.to_vec(),
         };
         let tables = Tables::read(&[b"NVT1", &body[..]].concat()).expect("tables of any numbers");
-        let mut setup = ResidualSetup::new(SIZE.0, SIZE.1, ResidualCoder::Wavelet);
+        let mut setup = ResidualSetup::new(SIZE.0, SIZE.1);
         setup.tables = Arc::new(tables);
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(SIZE.0, SIZE.1, &setup.tables);

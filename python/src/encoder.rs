@@ -109,15 +109,13 @@ impl PyEncoded {
 /// How fine the difference picture is: give one of `quality`, `psnr` and `bytes`, or nothing for quality 10.
 ///
 /// - `quality`: 0 to 100. `psnr`: dB, at the least bytes. `bytes`: of the whole packet, never exceeded.
-/// - `residual`: the coder of the difference picture, "wavelet" (the default) or "webp"; None: none is sent before
-///   `set_rate` asks for one.
+/// - `residual`: a difference picture is sent; False: none is before `set_rate` asks for one.
 /// - `stream`: which frame one is predicted from, "chain", "layers", "keys" or "acknowledged"; None: from none.
 ///   `key_every`: an intra frame after so many; 0: none after the first.
 /// - `tune`: what counts most, "psnr", "ssim" or "detection".
-/// - `profile`: how poses are written, "compact" or "paper". `predict_poses`: poses are predicted from those that the
-///   topside acknowledges.
-/// - `optimizer`: "gauss-newton", "bfgs", "adam" or "adam-bfgs". `threshold`: mean squared error, values in [0, 1], at
-///   which the gradient methods no longer start from the frame before.
+/// - `predict_poses`: poses are predicted from those that the topside acknowledges.
+/// - `threshold`: mean squared error, values in [0, 1], below which a pose stays where the prior shows too little to tell
+///   whether it is right.
 /// - `camera_interval`, `check_interval`: frames after which the camera, and a check of the render, are sent again; 0:
 ///   never. `first_frame`: number of the first frame.
 /// - `truth`: packets have truth maps.
@@ -146,8 +144,7 @@ impl PyEncoder {
 impl PyEncoder {
     #[new]
     #[pyo3(signature = (engine, prior, camera, *, quality = None, psnr = None, bytes = None,
-        residual = Some("wavelet"), stream = None, key_every = 16, tune = "psnr", profile = "compact",
-        optimizer = "gauss-newton", threshold = 1e-3, camera_interval = 64,
+        residual = true, stream = None, key_every = 16, tune = "psnr", threshold = 1e-3, camera_interval = 64,
         check_interval = 0, first_frame = 0, predict_poses = false, truth = true,
         lost_renders = 96, frame_time = None, frames_treated = false))]
     #[allow(clippy::too_many_arguments)] // Python names them.
@@ -159,12 +156,10 @@ impl PyEncoder {
         quality: Option<f32>,
         psnr: Option<f64>,
         bytes: Option<usize>,
-        residual: Option<&str>,
+        residual: bool,
         stream: Option<&str>,
         key_every: u32,
         tune: &str,
-        profile: &str,
-        optimizer: &str,
         threshold: f64,
         camera_interval: u32,
         check_interval: u32,
@@ -180,15 +175,12 @@ impl PyEncoder {
                 Failure::argument(format!("threshold: {threshold}, must be 0 or more")).into()
             );
         }
-        let coder = options::residual(residual)?;
         let rate = options::rate(quality, psnr, bytes)?.unwrap_or(Rate::Quality(10.0));
         let mut how = EncoderOptions {
             threshold,
-            rate: coder.map(|_| rate),
-            residual: coder.unwrap_or_default(),
+            rate: residual.then_some(rate),
             tune: options::tune(tune)?,
             mode: options::mode(stream, key_every)?,
-            profile: options::profile(profile)?,
             camera_interval,
             render_checks: RenderChecks::every(check_interval),
             first_frame,
@@ -198,7 +190,6 @@ impl PyEncoder {
             frames_treated,
             ..EncoderOptions::default()
         };
-        how.refine.optimizer = options::optimizer(optimizer)?;
         how.refine.lost_renders = lost_renders;
         let encoder = detached(py, || {
             let scene = engine.scene(&prior.0)?;

@@ -2,9 +2,7 @@
 
 use std::time::Duration;
 
-use nvsprior::packet::PoseProfile;
-use nvsprior::residual::{ResidualCoder, Tune};
-use nvsprior::tracking::Optimizer;
+use nvsprior::residual::Tune;
 use nvsprior::{Mode, Rate, Structure};
 
 use crate::errors::Failure;
@@ -65,27 +63,7 @@ pub fn mode(stream: Option<&str>, key_every: u32) -> Result<Mode, Failure> {
     Ok(Mode::Stream(structure))
 }
 
-/// `None`: no difference picture.
-pub fn residual(name: Option<&str>) -> Result<Option<ResidualCoder>, Failure> {
-    let known = [("wavelet", ResidualCoder::Wavelet), ("webp", ResidualCoder::Webp)];
-    name.map(|name| named("residual", name, &known)).transpose()
-}
-
 pub fn tune(name: &str) -> Result<Tune, Failure> {
     let known = [("psnr", Tune::Psnr), ("ssim", Tune::Ssim), ("detection", Tune::Detection)];
     named("tune", name, &known)
-}
-
-pub fn profile(name: &str) -> Result<PoseProfile, Failure> {
-    named("profile", name, &[("compact", PoseProfile::Compact), ("paper", PoseProfile::Paper)])
-}
-
-pub fn optimizer(name: &str) -> Result<Optimizer, Failure> {
-    let known = [
-        ("gauss-newton", Optimizer::GaussNewton),
-        ("bfgs", Optimizer::Bfgs),
-        ("adam", Optimizer::Adam),
-        ("adam-bfgs", Optimizer::AdamBfgs),
-    ];
-    named("optimizer", name, &known)
 }

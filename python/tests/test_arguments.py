@@ -58,8 +58,6 @@ def test_wrong_numbers_are_named(camera):
         ({"psnr": -1}, "psnr"),
         ({"quality": 10, "bytes": 100}, "give one of them"),
         ({"stream": "often"}, 'stream: "often", but there are "chain"'),
-        ({"residual": "jpeg"}, "residual"),
-        ({"residual": "webp", "stream": "chain"}, "streams take the wavelet coder"),
         ({"threshold": float("nan")}, "threshold"),
         ({"tune": "vmaf"}, "tune"),
     ],

@@ -63,9 +63,6 @@ pub enum PacketError {
     SessionTag { packet: u16, found: u16 },
     #[error("unknown residual {0}")]
     Coder(u8),
-    /// A truth map goes with the wavelet coder alone.
-    #[error("a truth map beside a WebP picture: send none")]
-    TruthCoder,
     /// The bytes are no truth map.
     #[error("a truth map that is no map, or is missing in part")]
     Truth,

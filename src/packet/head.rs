@@ -39,8 +39,8 @@ impl PoseKind {
             PoseKind::Absolute(PoseProfile::Short) => SHORT,
             PoseKind::Absolute(PoseProfile::Compact) => COMPACT,
             PoseKind::Predicted => PREDICTED,
-            // It is no part of the format: only what compares with the paper reads it.
-            PoseKind::Absolute(PoseProfile::Paper) => LATER,
+            // Latent::write refuses it.
+            PoseKind::Absolute(PoseProfile::Free) => LATER,
         }
     }
 
@@ -49,7 +49,6 @@ impl PoseKind {
             SHORT => Some(PoseKind::Absolute(PoseProfile::Short)),
             COMPACT => Some(PoseKind::Absolute(PoseProfile::Compact)),
             PREDICTED => Some(PoseKind::Predicted),
-            LATER if cfg!(feature = "paper") => Some(PoseKind::Absolute(PoseProfile::Paper)),
             _ => None,
         }
     }
@@ -71,10 +70,10 @@ pub(super) enum Kind {
     Stream = 4,
     /// One of a stream, predicted from a reference.
     Inter = 5,
-    /// WebP without what the packet says anyway. Only what compares with the paper reads these two.
-    Vp8 = 6,
-    /// A whole WebP file.
-    WebP = 7,
+    /// Not used by this version.
+    Later6 = 6,
+    /// Not used by this version.
+    Later7 = 7,
 }
 
 impl Kind {
@@ -86,19 +85,14 @@ impl Kind {
             3 => Kind::Coded,
             4 => Kind::Stream,
             5 => Kind::Inter,
-            6 => Kind::Vp8,
-            _ => Kind::WebP,
+            6 => Kind::Later6,
+            _ => Kind::Later7,
         }
     }
 
     /// Whether a payload of the wavelet coder follows.
     pub fn is_wavelet(self) -> bool {
         matches!(self, Kind::Coded | Kind::Stream | Kind::Inter)
-    }
-
-    /// Whether a payload of WebP follows.
-    pub fn is_webp(self) -> bool {
-        matches!(self, Kind::Vp8 | Kind::WebP)
     }
 }
 
@@ -164,16 +158,16 @@ impl Head {
 
     /// Whether a residual part follows.
     pub fn has_content(&self) -> bool {
-        self.truth || self.kind.is_wavelet() || self.kind.is_webp()
+        self.truth || self.kind.is_wavelet()
     }
 
-    /// Whether the fields of the residual part fit each other, and this build reads them.
+    /// Whether the fields of the residual part fit each other; those of later versions do not.
     pub fn is_known(&self) -> bool {
         match self.kind {
             Kind::None | Kind::Omitted => !self.small_blocks,
             Kind::AllSeen => !self.small_blocks && !self.truth,
             Kind::Coded | Kind::Stream | Kind::Inter => true,
-            Kind::Vp8 | Kind::WebP => cfg!(feature = "paper") && !self.small_blocks && !self.truth,
+            Kind::Later6 | Kind::Later7 => false,
         }
     }
 }

@@ -96,7 +96,7 @@ impl Latent {
                 Some(prediction.context)
             }
             None => {
-                if self.pose.profile() == PoseProfile::Paper && !cfg!(feature = "paper") {
+                if self.pose.profile() == PoseProfile::Free {
                     return Err(PacketError::Pose);
                 }
                 bytes.extend_from_slice(&self.tag.to_le_bytes());

@@ -62,8 +62,8 @@ pub const SESSION_PART_LEN: usize = session::LEN;
 /// Length of the render part, bytes.
 pub const RENDER_PART_LEN: usize = render::LEN;
 
-/// Most bytes before the residual part, whatever the profile of the pose.
-pub const LONGEST_HEAD: usize = 8 + pose::LONGEST + SESSION_PART_LEN + RENDER_PART_LEN;
+/// Most bytes before the residual part.
+pub const LONGEST_HEAD: usize = 8 + pose::COMPACT_LEN + SESSION_PART_LEN + RENDER_PART_LEN;
 
 /// One frame as it travels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +76,7 @@ pub struct Packet<'a> {
     pub render: Option<RenderCheck>,
     /// The difference picture.
     pub residual: Residual<'a>,
-    /// The truth map of the picture, as [`crate::truth`] writes it; `None`: none is sent. Not with WebP.
+    /// The truth map of the picture, as [`crate::truth`] writes it; `None`: none is sent.
     pub truth: Option<&'a [u8]>,
 }
 

@@ -13,8 +13,8 @@
 //! 8 compact steps, as `16384 + k`, at most 32767. It costs the render less than 0.01 dB. A pose beyond its reach takes
 //! the compact code.
 //!
-//! **Paper**, 28 bytes: translation (x, y, z) and quaternion (w, x, y, z) as f32, as in the paper. It is for
-//! comparisons, and no part of the format: a pose beyond the reach of the compact code has no packet.
+//! **Free**: translation (x, y, z) and quaternion (w, x, y, z) as f32. A pose beyond the reach of the compact code has
+//! it. It can be drawn, but no packet holds it.
 
 use std::f64::consts::SQRT_2;
 
@@ -45,8 +45,8 @@ const SHORT_SMALL_BITS: u32 = SHORT_SMALL_MAX.ilog2() + 2;
 pub(super) const SHORT_LEN: usize = 12;
 /// Bytes of the compact code.
 pub(super) const COMPACT_LEN: usize = 16;
-/// Bytes of the longest profile.
-pub(super) const LONGEST: usize = 28;
+/// Bytes of a free pose; no packet has them.
+const FREE_LEN: usize = 28;
 /// More rounds than quantisation needs to settle; see [`QuantisedPose::quantise`].
 const MAX_SETTLING: usize = 16;
 
@@ -56,8 +56,8 @@ pub enum PoseProfile {
     /// 16 bytes, relative to the prior.
     #[default]
     Compact,
-    /// 28 bytes: seven f32.
-    Paper,
+    /// Seven f32. No packet holds it.
+    Free,
     /// 12 bytes, relative to the prior.
     Short,
 }
@@ -67,7 +67,7 @@ impl PoseProfile {
     pub fn word(self) -> u32 {
         match self {
             PoseProfile::Compact => COMPACT,
-            PoseProfile::Paper => PAPER,
+            PoseProfile::Free => PAPER,
             PoseProfile::Short => SHORT,
         }
     }
@@ -76,7 +76,7 @@ impl PoseProfile {
     pub fn encoded_len(self) -> usize {
         match self {
             PoseProfile::Compact => COMPACT_LEN,
-            PoseProfile::Paper => LONGEST,
+            PoseProfile::Free => FREE_LEN,
             PoseProfile::Short => SHORT_LEN,
         }
     }
@@ -99,12 +99,12 @@ pub(super) struct ShortCode {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Code {
     Compact { centre: [i32; 3], largest: usize, small: [i32; 3] },
-    Paper { translation: [f32; 3], wxyz: [f32; 4] },
+    Free { translation: [f32; 3], wxyz: [f32; 4] },
 }
 
 impl QuantisedPose {
     /// Quantises a pose. If its centre is beyond the reach of [`PoseProfile::Short`], takes [`PoseProfile::Compact`];
-    /// if it is beyond the reach of that, takes [`PoseProfile::Paper`], which only packets for comparisons hold.
+    /// if it is beyond the reach of that, takes [`PoseProfile::Free`], which no packet holds.
     ///
     /// Quantising what [`QuantisedPose::dequantise`] gives returns the same code. Plain rounding
     /// does not guarantee that: if two components of a quaternion are nearly equal, rounding may
@@ -145,7 +145,7 @@ impl QuantisedPose {
                 let centre = origin + DVec3::from(centre.map(f64::from)) * step;
                 Pose::from_centre(rotation_of(largest, small), centre)
             }
-            Code::Paper { translation, wxyz: [w, x, y, z] } => {
+            Code::Free { translation, wxyz: [w, x, y, z] } => {
                 let q = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
                 Pose { rotation: unit(q), translation: DVec3::from(translation.map(f64::from)) }
             }
@@ -158,7 +158,7 @@ impl QuantisedPose {
             Code::Compact { centre: [x, y, z], largest, small: [a, b, c] } => {
                 PoseCode { profile: COMPACT, words: [x, y, z, largest as i32, a, b, c] }
             }
-            Code::Paper { translation: [x, y, z], wxyz: [a, b, c, d] } => PoseCode {
+            Code::Free { translation: [x, y, z], wxyz: [a, b, c, d] } => PoseCode {
                 profile: PAPER,
                 words: [x, y, z, a, b, c, d].map(|v: f32| v.to_bits() as i32),
             },
@@ -182,7 +182,7 @@ impl QuantisedPose {
             Code::Compact { centre, largest: w[3] as usize, small }
         } else {
             let float = |i: usize| f32::from_bits(w[i] as u32);
-            Code::Paper { translation: [0, 1, 2].map(float), wxyz: [3, 4, 5, 6].map(float) }
+            Code::Free { translation: [0, 1, 2].map(float), wxyz: [3, 4, 5, 6].map(float) }
         };
         if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
@@ -210,11 +210,11 @@ impl QuantisedPose {
         if self.is_short() { PoseProfile::Short } else { self.profile() }
     }
 
-    /// [`PoseProfile::Compact`] or [`PoseProfile::Paper`].
+    /// [`PoseProfile::Compact`] or [`PoseProfile::Free`].
     pub fn profile(&self) -> PoseProfile {
         match self.0 {
             Code::Compact { .. } => PoseProfile::Compact,
-            Code::Paper { .. } => PoseProfile::Paper,
+            Code::Free { .. } => PoseProfile::Free,
         }
     }
 
@@ -246,7 +246,7 @@ impl QuantisedPose {
         let [centre, small] = match self.written_as() {
             PoseProfile::Short => [SHORT_CENTRE_STEPS, SHORT_SMALL_STEPS].map(f64::from),
             PoseProfile::Compact => [1.0, 1.0],
-            PoseProfile::Paper => [0.0, 0.0],
+            PoseProfile::Free => [0.0, 0.0],
         };
         // A turn is twice what its quaternion's component is.
         [centre * frame.step(), 2.0 * small / SMALL_STEPS].map(|step| step * step / 12.0)
@@ -280,8 +280,8 @@ impl QuantisedPose {
     }
 
     /// The bytes of the longest profile, zeros after those of a shorter one.
-    fn bytes(&self) -> [u8; LONGEST] {
-        let mut bytes = [0; LONGEST];
+    fn bytes(&self) -> [u8; FREE_LEN] {
+        let mut bytes = [0; FREE_LEN];
         match self.0 {
             Code::Compact { centre, largest, small } => {
                 for (to, value) in bytes.chunks_exact_mut(3).zip(centre) {
@@ -292,7 +292,7 @@ impl QuantisedPose {
                     .fold(largest as u64, |bits, v| bits << SMALL_BITS | (v + SMALL_ZERO) as u64);
                 bytes[9..16].copy_from_slice(&rotation.to_le_bytes()[..7]);
             }
-            Code::Paper { translation, wxyz } => {
+            Code::Free { translation, wxyz } => {
                 for (to, value) in bytes.chunks_exact_mut(4).zip(translation.iter().chain(&wxyz)) {
                     to.copy_from_slice(&value.to_le_bytes());
                 }
@@ -319,10 +319,7 @@ impl QuantisedPose {
                 let largest = (bits >> (3 * SMALL_BITS)) as usize;
                 Code::Compact { centre, largest, small }
             }
-            PoseProfile::Paper => Code::Paper {
-                translation: [(); 3].map(|()| f32::from_le_bytes(reader.take())),
-                wxyz: [(); 4].map(|()| f32::from_le_bytes(reader.take())),
-            },
+            PoseProfile::Free => return Err(PacketError::Pose),
         };
         if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
     }
@@ -332,7 +329,7 @@ impl Code {
     fn is_pose(&self) -> bool {
         match self {
             Code::Compact { small, .. } => rest_of_square(small) > 0.0,
-            Code::Paper { translation, wxyz } => {
+            Code::Free { translation, wxyz } => {
                 Pose::from_wxyz(wxyz.map(f64::from), translation.map(f64::from)).is_some()
             }
         }
@@ -363,13 +360,13 @@ fn round(
     let near = match profile {
         PoseProfile::Short => round_short(pose, frame).or_else(|| round_compact(pose, frame)),
         PoseProfile::Compact => round_compact(pose, frame),
-        PoseProfile::Paper => None,
+        PoseProfile::Free => None,
     };
     if let Some(code) = near {
         return Ok(QuantisedPose(code));
     }
     let wxyz = pose.wxyz().map(|v| v as f32);
-    let code = Code::Paper { translation: pose.translation.as_vec3().into(), wxyz };
+    let code = Code::Free { translation: pose.translation.as_vec3().into(), wxyz };
     if code.is_pose() { Ok(QuantisedPose(code)) } else { Err(PacketError::Pose) }
 }
 

@@ -58,14 +58,6 @@ pub enum Residual<'a> {
         /// As above.
         payload: &'a [u8],
     },
-    /// A WebP picture, for comparisons with the paper.
-    #[cfg(feature = "paper")]
-    Webp {
-        /// The payload is a whole file; else it lacks what the packet says anyway.
-        whole: bool,
-        /// Its bytes.
-        payload: &'a [u8],
-    },
 }
 
 impl<'a> Residual<'a> {
@@ -74,8 +66,6 @@ impl<'a> Residual<'a> {
         match *self {
             Residual::None | Residual::Omitted => &[],
             Residual::Coded { payload, .. } | Residual::Stream { payload, .. } => payload,
-            #[cfg(feature = "paper")]
-            Residual::Webp { payload, .. } => payload,
         }
     }
 
@@ -93,14 +83,6 @@ impl<'a> Residual<'a> {
             Residual::Coded { .. } => Kind::Coded,
             Residual::Stream { reference: None, .. } => Kind::Stream,
             Residual::Stream { reference: Some(_), .. } => Kind::Inter,
-            #[cfg(feature = "paper")]
-            Residual::Webp { whole, .. } => {
-                if whole {
-                    Kind::WebP
-                } else {
-                    Kind::Vp8
-                }
-            }
         }
     }
 
@@ -160,10 +142,9 @@ impl Content<'_> {
         head.has_content().then(|| (CHECK + reference + map, self.payload().len()))
     }
 
-    /// The payload; of the wavelet coder without zeros at its end, as a reader takes those for padding.
+    /// The payload without zeros at its end, as a reader takes those for padding.
     fn payload(&self) -> &[u8] {
-        let payload = self.residual.payload();
-        if self.residual.kind().is_webp() { payload } else { without_zeros(payload) }
+        without_zeros(self.residual.payload())
     }
 
     /// Length of the part, bytes.
@@ -184,10 +165,6 @@ impl Content<'_> {
     pub fn write(&self, latent_len: usize, packet: &mut Vec<u8>) -> Result<(), PacketError> {
         if self.lens().is_none() {
             return Ok(());
-        }
-        #[cfg(feature = "paper")]
-        if self.truth.is_some() && matches!(self.residual, Residual::Webp { .. }) {
-            return Err(PacketError::TruthCoder);
         }
         let at = packet.len();
         packet.extend_from_slice(&[0; CHECK]);
@@ -260,10 +237,7 @@ impl Found {
             all.truth = Some(next..next + map.len());
             next += map.len();
         }
-        let end = match head.kind.is_webp() {
-            true => found,
-            false => next + without_zeros(&bytes[next..]).len(),
-        };
+        let end = next + without_zeros(&bytes[next..]).len();
         all.payload = Some(next..end);
         if check_of(&bytes[..latent_len], &bytes[needed..end]).to_le_bytes() != *check {
             all.checked = Err(PacketError::Check(Part::Residual));
@@ -286,10 +260,7 @@ impl Found {
             Kind::Omitted => Residual::Omitted,
             Kind::Coded => Residual::Coded { small_blocks, payload },
             Kind::Stream | Kind::Inter => Residual::Stream { reference, small_blocks, payload },
-            #[cfg(feature = "paper")]
-            Kind::Vp8 | Kind::WebP => Residual::Webp { whole: head.kind == Kind::WebP, payload },
-            #[cfg(not(feature = "paper"))]
-            Kind::Vp8 | Kind::WebP => return Err(PacketError::Coder(head.kind as u8)),
+            Kind::Later6 | Kind::Later7 => return Err(PacketError::Coder(head.kind as u8)),
         })
     }
 

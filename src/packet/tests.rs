@@ -303,13 +303,13 @@ fn an_extreme_pose_has_no_packet() {
     let inside = quantise([3.5 - reach + 0.01, 0.0, 0.0]).unwrap();
     assert_eq!(inside.profile(), PoseProfile::Compact);
     let outside = quantise([3.5 - reach - 0.01, 0.0, 0.0]).unwrap();
-    assert_eq!(outside.profile(), PoseProfile::Paper);
+    assert_eq!(outside.profile(), PoseProfile::Free);
     let latent = Latent { pose: outside, ..latent(PoseProfile::Short) };
     let written = Packet { latent, ..short(Residual::None) }.encode();
-    assert_eq!(written.is_ok(), cfg!(feature = "paper"), "only for comparisons");
+    assert_eq!(written, Err(PacketError::Pose));
     assert_eq!(quantise([1e300, 0.0, 0.0]), Err(PacketError::Pose));
     let nan = Pose { rotation: DQuat::IDENTITY, translation: DVec3::new(0.0, f64::NAN, 0.0) };
-    let refused = QuantisedPose::quantise(&nan, &FRAME, PoseProfile::Paper);
+    let refused = QuantisedPose::quantise(&nan, &FRAME, PoseProfile::Free);
     assert_eq!(refused, Err(PacketError::Pose));
 }
 
@@ -333,7 +333,7 @@ fn quantising_settles_where_components_tie() {
 /// A pose whose float32 quaternion has a length that its normalised form rounds differently from:
 /// found by the property test below.
 #[test]
-fn quantising_settles_in_the_paper_profile() {
+fn quantising_settles_in_the_free_profile() {
     let wxyz = [
         0.667_865_603_208_103_8,
         0.006_764_864_739_636_958,
@@ -341,8 +341,8 @@ fn quantising_settles_in_the_paper_profile() {
         -0.133_458_156_821_396_45,
     ];
     let pose = Pose::from_wxyz(wxyz, [0.0; 3]).unwrap();
-    let code = QuantisedPose::quantise(&pose, &FRAME, PoseProfile::Paper).unwrap();
-    let again = QuantisedPose::quantise(&code.dequantise(&FRAME), &FRAME, PoseProfile::Paper);
+    let code = QuantisedPose::quantise(&pose, &FRAME, PoseProfile::Free).unwrap();
+    let again = QuantisedPose::quantise(&code.dequantise(&FRAME), &FRAME, PoseProfile::Free);
     assert_eq!(again, Ok(code));
 }
 
@@ -437,7 +437,7 @@ fn any_residual() -> impl Strategy<Value = Residual<'static>> {
 }
 
 fn any_profile() -> impl Strategy<Value = PoseProfile> {
-    prop_oneof![Just(PoseProfile::Compact), Just(PoseProfile::Paper), Just(PoseProfile::Short)]
+    prop_oneof![Just(PoseProfile::Compact), Just(PoseProfile::Free), Just(PoseProfile::Short)]
 }
 
 fn any_pose() -> impl Strategy<Value = Pose> {
@@ -532,7 +532,7 @@ proptest! {
         let miss = back.centre() - pose.centre();
         let (angle, length) = match profile {
             PoseProfile::Compact => (2e-5, 0.5001 * FRAME.unit() / 131_072.0),
-            PoseProfile::Paper => (3e-7, 3e-4),
+            PoseProfile::Free => (3e-7, 3e-4),
             PoseProfile::Short => (2e-4, 0.5001 * FRAME.unit() / 4096.0),
         };
         prop_assert!(back.angle_to(&pose) < angle);
@@ -563,7 +563,7 @@ fn a_pose_beyond_the_short_reach_takes_the_compact_code() {
         QuantisedPose::quantise(&pose, &FRAME, PoseProfile::Short).unwrap()
     };
     assert!(quantise(7.999).is_short() && quantise(-8.0).is_short());
-    for (units, profile) in [(8.01, PoseProfile::Compact), (64.1, PoseProfile::Paper)] {
+    for (units, profile) in [(8.01, PoseProfile::Compact), (64.1, PoseProfile::Free)] {
         let pose = quantise(units);
         assert_eq!((pose.is_short(), pose.profile()), (false, profile));
     }

@@ -371,7 +371,7 @@ impl Renderer {
     }
 
     /// The prior that is drawn.
-    pub(crate) fn scene(&self) -> &Arc<Scene> {
+    pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 

@@ -9,8 +9,6 @@ use super::checks::check_size;
 use super::stream::{StreamDecoder, StreamFrame};
 use super::warp::Viewpoint;
 use super::wavelet::{Payload, Step, WaveletDecoder};
-#[cfg(feature = "paper")]
-use super::{difference, webp::Webp};
 use crate::coder_tables::Tables;
 
 /// Adds residuals to renders of one size, in memory of its own.
@@ -18,11 +16,6 @@ pub struct ResidualDecoder {
     wavelet: WaveletDecoder,
     stream: StreamDecoder,
     size: (u32, u32),
-    #[cfg(feature = "paper")]
-    webp: Webp,
-    /// What WebP decoded.
-    #[cfg(feature = "paper")]
-    difference: Picture,
 }
 
 impl ResidualDecoder {
@@ -32,10 +25,6 @@ impl ResidualDecoder {
             wavelet: WaveletDecoder::new(width, height, tables),
             stream: StreamDecoder::default(),
             size: (width, height),
-            #[cfg(feature = "paper")]
-            webp: Webp::new(width, height),
-            #[cfg(feature = "paper")]
-            difference: Picture::new(width, height),
         }
     }
 
@@ -58,25 +47,10 @@ impl ResidualDecoder {
                 (small_blocks, payload)
             }
             Residual::Stream { reference: Some(_), .. } => return Err(OUT_OF_STREAM),
-            #[cfg(feature = "paper")]
-            Residual::Webp { whole, payload } => return self.add_webp(whole, payload, render),
         };
         check_size(self.size, render)?;
         let payload = Payload { bytes, tail: Tail::Zeros, small_blocks };
         self.wavelet.add(payload, portable, render)
-    }
-
-    #[cfg(feature = "paper")]
-    fn add_webp(
-        &mut self,
-        whole: bool,
-        payload: &[u8],
-        render: &mut Picture,
-    ) -> Result<(), ResidualError> {
-        check_size(self.size, render)?;
-        self.webp.decode(whole, payload, &mut self.difference)?;
-        difference::add(&self.difference.data, &mut render.data);
-        Ok(())
     }
 
     /// The quantiser's step of the residual added last; `None`: nothing was added, or its coder has none.

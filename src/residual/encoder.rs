@@ -12,8 +12,6 @@ use super::rate::{Rate, RateResult};
 use super::stream::{Acknowledged, StreamEncoder, StreamFrame, Structure};
 use super::tune::Tune;
 use super::wavelet::{FrameKind, RateEncoder};
-#[cfg(feature = "paper")]
-use super::webp::WebpEncoder;
 use crate::coder_tables::Tables;
 
 /// A coded difference picture, and what the decoder will make of it.
@@ -43,30 +41,13 @@ pub struct InStream<'a> {
     pub acknowledged: &'a Acknowledged,
 }
 
-/// Which coder codes difference pictures.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ResidualCoder {
-    /// The wavelet coder, which knows the render.
-    #[default]
-    Wavelet,
-    /// WebP, as in the paper.
-    #[cfg(feature = "paper")]
-    Webp,
-}
-
 /// Codes difference pictures of one size, in memory of its own.
 pub struct ResidualEncoder {
-    coder: AnyEncoder,
+    coder: Box<RateEncoder>,
     stream: StreamEncoder,
     /// The last frame has a residual, from which later ones may be predicted.
     keepable: bool,
     size: (u32, u32),
-}
-
-enum AnyEncoder {
-    Wavelet(Box<RateEncoder>),
-    #[cfg(feature = "paper")]
-    Webp(Box<WebpEncoder>),
 }
 
 /// What an encoder of difference pictures is made for.
@@ -76,11 +57,9 @@ pub struct ResidualSetup {
     pub width: u32,
     /// See `width`.
     pub height: u32,
-    /// Which coder.
-    pub coder: ResidualCoder,
-    /// What counts, of the wavelet coder.
+    /// What counts.
     pub tune: Tune,
-    /// The prior's tables, of the wavelet coder.
+    /// The prior's tables.
     pub tables: Arc<Tables>,
     /// The topside draws this device's renders, byte for byte.
     pub portable: bool,
@@ -88,15 +67,15 @@ pub struct ResidualSetup {
 
 impl ResidualSetup {
     /// A coder of pictures of a size, with the generic tables, on a portable device.
-    pub fn new(width: u32, height: u32, coder: ResidualCoder) -> ResidualSetup {
+    pub fn new(width: u32, height: u32) -> ResidualSetup {
         let tables = Arc::new(Tables::generic());
-        ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable: true }
+        ResidualSetup { width, height, tune: Tune::Psnr, tables, portable: true }
     }
 
     /// Whether an encoder made for one setup serves the other. Tables count as equal only if they are the same object.
     pub(crate) fn is_as(&self, other: &ResidualSetup) -> bool {
         (self.width, self.height) == (other.width, other.height)
-            && (self.coder, self.tune, self.portable) == (other.coder, other.tune, other.portable)
+            && (self.tune, self.portable) == (other.tune, other.portable)
             && Arc::ptr_eq(&self.tables, &other.tables)
     }
 }
@@ -104,15 +83,8 @@ impl ResidualSetup {
 impl ResidualEncoder {
     /// Makes an encoder.
     pub fn new(setup: &ResidualSetup) -> ResidualEncoder {
-        let ResidualSetup { width, height, coder, tune, ref tables, portable } = *setup;
-        let coder = match coder {
-            ResidualCoder::Wavelet => {
-                let coder = RateEncoder::new(width, height, tables, portable, tune);
-                AnyEncoder::Wavelet(Box::new(coder))
-            }
-            #[cfg(feature = "paper")]
-            ResidualCoder::Webp => AnyEncoder::Webp(Box::new(WebpEncoder::new(width, height))),
-        };
+        let ResidualSetup { width, height, tune, ref tables, portable } = *setup;
+        let coder = Box::new(RateEncoder::new(width, height, tables, portable, tune));
         let size = (width, height);
         ResidualEncoder { coder, stream: StreamEncoder::default(), keepable: false, size }
     }
@@ -132,7 +104,7 @@ impl ResidualEncoder {
     }
 
     /// As [`ResidualEncoder::encode`], as a frame of a stream: it may be predicted from frames that were
-    /// [kept](Self::keep). WebP codes it by itself.
+    /// [kept](Self::keep).
     pub fn encode_in_stream<'a>(
         &'a mut self,
         frame: &Picture,
@@ -145,24 +117,16 @@ impl ResidualEncoder {
         self.encode_any(frame, render, rate, overhead, Some(stream))
     }
 
-    /// Sets which parts of the picture get more of the bits, from here on; `None`: all get the same. WebP knows no such
-    /// parts.
+    /// Sets which parts of the picture get more of the bits, from here on; `None`: all get the same.
     pub fn set_interest(&mut self, interest: Option<&Arc<Interest>>) {
-        match &mut self.coder {
-            AnyEncoder::Wavelet(coder) => coder.set_interest(interest),
-            #[cfg(feature = "paper")]
-            AnyEncoder::Webp(_) => {}
-        }
+        self.coder.set_interest(interest);
     }
 
     /// Lets later frames be predicted from the one that was just coded. Call it if its packet was made.
     pub fn keep(&mut self, frame: &StreamFrame, render: &Picture) {
-        match &self.coder {
-            AnyEncoder::Wavelet(coder) if self.keepable => {
-                let (residual, shown, _) = coder.coded();
-                self.stream.keep(frame, &residual, shown, render);
-            }
-            _ => {}
+        if self.keepable {
+            let (residual, shown, _) = self.coder.coded();
+            self.stream.keep(frame, &residual, shown, render);
         }
     }
 
@@ -185,28 +149,20 @@ impl ResidualEncoder {
         if !rate.is_valid() {
             return Err(ResidualError::Rate(rate));
         }
-        let result = match &mut self.coder {
-            AnyEncoder::Wavelet(coder) => {
-                let source = match stream {
-                    None => FrameKind::AllIntra,
-                    Some(InStream { frame, structure, acknowledged }) => {
-                        let reference = self.stream.reference(frame, *structure, acknowledged);
-                        reference.map_or(FrameKind::Intra, FrameKind::Inter)
-                    }
-                };
-                coder.encode(frame, render, rate, overhead, source)
+        let source = match stream {
+            None => FrameKind::AllIntra,
+            Some(InStream { frame, structure, acknowledged }) => {
+                let reference = self.stream.reference(frame, *structure, acknowledged);
+                reference.map_or(FrameKind::Intra, FrameKind::Inter)
             }
-            #[cfg(feature = "paper")]
-            AnyEncoder::Webp(coder) => coder.encode(frame, render, rate, overhead)?,
         };
+        let result = self.coder.encode(frame, render, rate, overhead, source);
         let RateResult { content, reached, probes } = result;
         let without = content.without_payload();
         self.keepable = stream.is_some() && without.is_none();
-        let (residual, reconstruction, psnr) = match (without, &self.coder) {
-            (Some(without), _) => (without, render, frame.psnr(render)),
-            (None, AnyEncoder::Wavelet(coder)) => coder.coded(),
-            #[cfg(feature = "paper")]
-            (None, AnyEncoder::Webp(coder)) => coder.coded(),
+        let (residual, reconstruction, psnr) = match without {
+            Some(without) => (without, render, frame.psnr(render)),
+            None => self.coder.coded(),
         };
         Ok(CodedResidual { residual, reconstruction, psnr, probes, reached })
     }

@@ -21,8 +21,6 @@ pub enum ResidualError {
     InterestWeight { cell: usize },
     #[error("rectangle of interest: no pixel of the picture lies in it")]
     InterestEmpty,
-    #[error("WebP encoder: {0}")]
-    Encode(String),
     #[error(
         "residual payload: it needs the encoder's render, but one of the two devices is not portable"
     )]

@@ -15,13 +15,10 @@ mod stream;
 mod tune;
 mod warp;
 pub mod wavelet;
-#[cfg(feature = "paper")]
-#[allow(unsafe_code)] // It wraps a C codec; each block says why it is sound.
-mod webp;
 
 pub use decoder::ResidualDecoder;
 pub use difference::{add, difference};
-pub use encoder::{CodedResidual, InStream, ResidualCoder, ResidualEncoder, ResidualSetup};
+pub use encoder::{CodedResidual, InStream, ResidualEncoder, ResidualSetup};
 pub use error::ResidualError;
 pub use interest::Interest;
 pub use rate::Rate;
@@ -29,8 +26,6 @@ pub use references::REFERENCES;
 pub use stream::{Acknowledged, Mode, StreamFrame, Structure};
 pub use tune::Tune;
 pub use warp::{Placement, Viewpoint, warp};
-#[cfg(feature = "paper")]
-pub use webp::Webp;
 
 /// Longest payload of a difference picture of a size, by any coder, bytes: libwebp's on noise at quality 100, with room
 /// (see the tests of `webp`).

@@ -5,8 +5,7 @@ use crate::packet::Residual;
 /// What decides how finely the difference picture is coded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rate {
-    /// 0 to 100. For the wavelet coder: the logarithm of its quantiser in even steps, from 76 levels to 2. For WebP:
-    /// libwebp's own quality.
+    /// 0 to 100: the logarithm of the quantiser in even steps, from 76 levels to 2.
     Quality(f32),
     /// As fine as fits the packet's bytes. The budget is hard.
     Bytes(usize),

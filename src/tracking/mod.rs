@@ -2,15 +2,12 @@
 //!
 //! There is one [`Objective`]: the mean squared error over pixels and channels (the paper's eq. mse, averaged over
 //! channels too). Gauss–Newton minimises it on the device ([`crate::search`]). Poses move by left perturbations
-//! `T' = Exp(τ) T`; all optimisers work on τ. With the feature `paper` there are the paper's choices too, BFGS and
-//! Adam. The host leads them, with one evaluation per submission.
+//! `T' = Exp(τ) T`. [`Objective::evaluate`] is for searches that a host leads, with one evaluation per submission.
 
 mod agreement;
 mod budget;
 mod clock;
 mod cold;
-#[cfg(feature = "paper")]
-mod descent;
 mod frame_info;
 mod gauss_newton;
 mod hypotheses;
@@ -34,15 +31,13 @@ pub(crate) use budget::{SearchSteps, TimeLimit};
 pub use clock::Clock;
 #[cfg(test)]
 pub(crate) use clock::counted;
-#[cfg(feature = "paper")]
-pub use descent::{AdamOptions, BfgsOptions};
 pub use frame_info::{Covariance, FrameInfo, Hint};
 pub use gauss_newton::GaussNewtonOptions;
 pub use hypotheses::{Hypotheses, Proposal};
 pub(crate) use measured_steps::measured_steps;
 pub use objective::{Evaluation, Objective};
 pub use observability::Observability;
-pub use options::{Optimizer, RefineOptions};
+pub use options::RefineOptions;
 pub use outcome::{Outcome, Stop};
 pub use pose_covariance::PoseCovariance;
 pub(crate) use pose_covariance::deviations;

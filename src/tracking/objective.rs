@@ -235,12 +235,6 @@ impl Objective {
         &self.observability
     }
 
-    /// The length that makes translations comparable with turns: the prior's own.
-    #[cfg(feature = "paper")]
-    pub(super) fn length(&self) -> f64 {
-        self.renderer.scene().coordinate_frame().unit()
-    }
-
     /// The renderer, and the trace.
     pub(super) fn parts(&mut self) -> (&mut Renderer, &mut Trace) {
         (&mut self.renderer, &mut self.trace)

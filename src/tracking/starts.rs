@@ -96,12 +96,6 @@ impl Starts {
         (share.is_finite() && share.abs() <= LONGEST).then(|| motion.map(|v| v * share))
     }
 
-    /// The pose of the frame before the last, if the last one's search started from it.
-    #[cfg(feature = "paper")]
-    pub(super) fn before_last(&self) -> Option<Pose> {
-        self.before_last
-    }
-
     /// The pose of the frame before.
     pub(super) fn last(&self) -> Option<Pose> {
         self.last

@@ -77,8 +77,6 @@ void scene_read(scene *scene, const char *folder) {
     snprintf(scene->other_prior, sizeof scene->other_prior, "%s/other.ply", folder);
     snprintf(scene->compact_prior, sizeof scene->compact_prior, "%s/prior.nvsg", folder);
     snprintf(scene->blocked_prior, sizeof scene->blocked_prior, "%s/prior.nvsb", folder);
-    snprintf(scene->paper_packet, sizeof scene->paper_packet, "%s/paper.nvsp", folder);
-    snprintf(scene->paper_picture, sizeof scene->paper_picture, "%s/paper.ppm", folder);
     snprintf(scene->preprocessed_prior, sizeof scene->preprocessed_prior, "%s/preprocessed.ply", folder);
     char path[600];
     snprintf(path, sizeof path, "%s/scene.txt", folder);

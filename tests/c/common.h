@@ -31,7 +31,6 @@ int few(void);
 typedef struct scene {
     // Paths.
     char prior[512], other_prior[512], preprocessed_prior[512], compact_prior[512], blocked_prior[512];
-    char paper_packet[512], paper_picture[512];
     nvsp_camera camera;
     int frames;
     nvsp_pose poses[MAX_FRAMES];

@@ -126,26 +126,6 @@ static void key_frames(void) {
     nvsp_destroy(other);
 }
 
-// A packet as the paper codes it: an absolute pose, told without the prior, and WebP.
-static void papers_packet(void) {
-    size_t size = 0;
-    uint8_t *bytes = read_all(dive.paper_packet, &size), *expected = read_picture(&dive, dive.paper_picture);
-    uint8_t *pixels = malloc(dive.size);
-    nvsp_picture place = place_of(pixels, dive.camera.width, dive.camera.height);
-    nvsp_decoded header = NVSP_INITIALIZER(nvsp_decoded);
-    nvsp_decoded info = NVSP_INITIALIZER(nvsp_decoded);
-    EXPECT(NVSP_OK, nvsp_decode_header(bytes, 36, NULL, &header));
-    CHECK(header.latent_bytes == 36 && header.frame == 5);
-    CHECK(header.flags & NVSP_DECODED_POSE);
-    EXPECT(NVSP_OK, nvsp_decode(both.decoder, bytes, size, 0, &place, &info));
-    CHECK(memcmp(&info.pose, &header.pose, sizeof info.pose) == 0);
-    CHECK(memcmp(pixels, expected, dive.size) == 0);
-    EXPECT(NVSP_ERR_PACKET, nvsp_decode_header(bytes, 35, NULL, &header));
-    free(bytes);
-    free(expected);
-    free(pixels);
-}
-
 // A place of another format, with `padding` bytes after each row and a guard at the end.
 static void place_with_padding(uint32_t format, size_t padding) {
     const size_t step = format == NVSP_FORMAT_RGBA8 ? 4 : 3, width = dive.camera.width;
@@ -369,7 +349,6 @@ int main(int argc, char **argv) {
     filtered();
     headers();
     key_frames();
-    papers_packet();
     const uint32_t formats[] = {NVSP_FORMAT_RGB8, NVSP_FORMAT_BGR8, NVSP_FORMAT_RGBA8};
     for (int i = 0; i < 6; i++) {
         place_with_padding(formats[i % 3], i < 3 ? 0 : 11);

@@ -9,7 +9,7 @@ use nvsprior::packet::{
 use nvsprior::prior::Splats;
 use nvsprior::render::Scene;
 use nvsprior::render::definition::Definition;
-use nvsprior::residual::{Rate, ResidualCoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{Rate, ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Picture, Pose, Prior, RenderOptions};
 
 use crate::common::{Random, engine};
@@ -153,7 +153,7 @@ impl Dive {
     pub fn coded(&self, latent: Latent, camera: Option<&Camera>, t: u32, how: &How) -> Vec<u8> {
         let own = camera.copied().unwrap_or(how.camera);
         let (width, height) = (own.width, own.height);
-        let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+        let setup = ResidualSetup::new(width, height);
         let tables = self.prior.coder_tables().cloned();
         let tables = tables.unwrap_or_else(|| setup.tables.clone());
         let setup = ResidualSetup { portable: how.portable, tables, ..setup };

@@ -3,9 +3,8 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-use nvsprior::packet::{LONGEST_HEAD, PacketError, Parsed, PoseProfile};
+use nvsprior::packet::{LONGEST_HEAD, PacketError, Parsed};
 use nvsprior::parts::{Lost, Queue};
-use nvsprior::prior::CoordinateFrame;
 use nvsprior::truth::TruthMap;
 use nvsprior::{Decoded, Decoder, Error, Picture, Pose, Trust, packet_bound};
 use nvsprior_link::TopsideLink;
@@ -521,7 +520,7 @@ pub extern "C" fn nvsp_decoder_draw(
 }
 
 /// Reads a packet's header without a device. Needs the latent part: the first 20 bytes of the packet, 24 if it states
-/// prior and camera (36 in the paper's profile). Of a packet with a tag give what is behind it. Gives the pose only if
+/// prior and camera. Of a packet with a tag give what is behind it. Gives the pose only if
 /// the packet is about `prior`. A packet that does not state its prior counts as about `prior`. Any thread may call it.
 ///
 /// Fails with NVSP_ERR_ARGUMENT, NVSP_ERR_PACKET (also if the pose is predicted from those of earlier packets), or
@@ -551,20 +550,13 @@ pub unsafe extern "C" fn nvsp_decode_header(
     })
 }
 
-/// What poses of the paper's profile are relative to: they are absolute.
-const ANY_FRAME: CoordinateFrame = CoordinateFrame { centre: [0.0; 3], spread: 1.0 };
-
 fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_decoded {
     let latent = parsed.latent();
     let session = parsed.session().as_ref().ok().copied().flatten();
     let is_own = |id| session.is_none_or(|session| session.prior == id);
     let scene = prior.map(|prior| prior.scene).filter(|scene| is_own(scene.id()));
     let unit = scene.as_ref().map(|scene| scene.coordinate_frame().unit());
-    let pose = match (latent.pose.profile(), scene) {
-        (_, Some(scene)) => Some(latent.pose.dequantise(&scene.coordinate_frame())),
-        (PoseProfile::Paper, None) => Some(latent.pose.dequantise(&ANY_FRAME)),
-        _ => None,
-    };
+    let pose = scene.map(|scene| latent.pose.dequantise(&scene.coordinate_frame()));
     let known = unit.and_then(|unit| latent.known.map(|bound| bound.of_unit(unit)));
     let size = session.map_or((0, 0), |session| (session.camera.width, session.camera.height));
     nvsp_decoded {

@@ -3,10 +3,8 @@ use crate::packet::residual_part_len;
 use super::super::ResidualDecoder;
 use super::*;
 
-const CODERS: [ResidualCoder; 2] = [ResidualCoder::Wavelet, ResidualCoder::Webp];
-
-fn encoder(coder: ResidualCoder) -> ResidualEncoder {
-    ResidualEncoder::new(&ResidualSetup::new(96, 64, coder))
+fn encoder() -> ResidualEncoder {
+    ResidualEncoder::new(&ResidualSetup::new(96, 64))
 }
 
 /// A textured picture, and a render of it that is blurred, off in brightness, and blind to a blob.
@@ -47,38 +45,36 @@ fn part_len(residual: &Residual) -> usize {
 fn a_budget_is_never_exceeded_and_well_used() {
     let (frame, render) = sample();
     let overhead = 31;
-    for coder in CODERS {
-        let mut encoder = encoder(coder);
-        let finest = encoder.encode(&frame, &render, Rate::Quality(100.0), 0).unwrap().psnr;
-        let mut last = f64::NEG_INFINITY;
-        for budget in (0..4000).step_by(53) {
-            let coded = encoder.encode(&frame, &render, Rate::Bytes(budget), overhead).unwrap();
-            check_honest(&coded, &frame, &render);
-            let used = part_len(&coded.residual);
-            assert!(used == 0 || overhead + used <= budget, "{used} of {budget}");
-            assert_eq!(coded.reached, coded.residual != Residual::Omitted);
-            if used > 0 {
-                // The better picture is kept, if it is a little shorter.
-                let share = if coder == ResidualCoder::Wavelet { 0.95 } else { 0.7 };
-                // At its finest, a coder has no use for more.
-                let finest = coded.psnr > finest - 0.5;
-                let min = share * (budget - overhead) as f64 - 12.0;
-                assert!(finest || used as f64 > min, "{coder:?}: {used} of {budget}");
-                // Not quite monotone: a quantiser step may cost bytes and gain nothing.
-                assert!(coded.psnr > last - 0.3, "{budget}: {} after {last}", coded.psnr);
-                last = coded.psnr;
-            } else {
-                assert_eq!(last, f64::NEG_INFINITY, "nothing coded for {budget} bytes");
-            }
+    let mut encoder = encoder();
+    let finest = encoder.encode(&frame, &render, Rate::Quality(100.0), 0).unwrap().psnr;
+    let mut last = f64::NEG_INFINITY;
+    for budget in (0..4000).step_by(53) {
+        let coded = encoder.encode(&frame, &render, Rate::Bytes(budget), overhead).unwrap();
+        check_honest(&coded, &frame, &render);
+        let used = part_len(&coded.residual);
+        assert!(used == 0 || overhead + used <= budget, "{used} of {budget}");
+        assert_eq!(coded.reached, coded.residual != Residual::Omitted);
+        if used > 0 {
+            // The better picture is kept, if it is a little shorter.
+            let share = 0.95;
+            // At its finest, a coder has no use for more.
+            let finest = coded.psnr > finest - 0.5;
+            let min = share * (budget - overhead) as f64 - 12.0;
+            assert!(finest || used as f64 > min, "{used} of {budget}");
+            // Not quite monotone: a quantiser step may cost bytes and gain nothing.
+            assert!(coded.psnr > last - 0.3, "{budget}: {} after {last}", coded.psnr);
+            last = coded.psnr;
+        } else {
+            assert_eq!(last, f64::NEG_INFINITY, "nothing coded for {budget} bytes");
         }
-        assert!(last > frame.psnr(&render) + 8.0);
     }
+    assert!(last > frame.psnr(&render) + 8.0);
 }
 
 #[test]
 fn the_wavelet_coder_has_no_cliff() {
     let (frame, render) = sample();
-    let mut encoder = encoder(ResidualCoder::Wavelet);
+    let mut encoder = encoder();
     let mut last = frame.psnr(&render);
     for budget in 6..200 {
         let psnr = encoder.encode(&frame, &render, Rate::Bytes(budget), 0).unwrap().psnr;
@@ -118,7 +114,7 @@ fn few_bytes_help_at_a_wrong_pose_too() {
         frame.data[i] = (116.0 + 12.0 * natural(x, y)) as u8;
         render.data[i] = (108.0 + 12.0 * natural(x + 5.0, y + 4.0)) as u8;
     }
-    let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+    let setup = ResidualSetup::new(width, height);
     let mut encoder = ResidualEncoder::new(&setup);
     let alone = frame.psnr(&render);
     let mut last = alone;
@@ -135,73 +131,65 @@ fn few_bytes_help_at_a_wrong_pose_too() {
 #[test]
 fn no_room_and_no_need_are_told_apart() {
     let (frame, render) = sample();
-    for coder in CODERS {
-        let mut encoder = encoder(coder);
-        let coded = encoder.encode(&frame, &render, Rate::Bytes(50), 50).unwrap();
-        assert_eq!((coded.residual, coded.reached), (Residual::Omitted, false));
-        assert_eq!(*coded.reconstruction, render);
-        let coded = encoder.encode(&frame, &frame, Rate::Bytes(5000), 50).unwrap();
-        assert_eq!((coded.residual, coded.reached), (Residual::None, true));
-    }
+    let mut encoder = encoder();
+    let coded = encoder.encode(&frame, &render, Rate::Bytes(50), 50).unwrap();
+    assert_eq!((coded.residual, coded.reached), (Residual::Omitted, false));
+    assert_eq!(*coded.reconstruction, render);
+    let coded = encoder.encode(&frame, &frame, Rate::Bytes(5000), 50).unwrap();
+    assert_eq!((coded.residual, coded.reached), (Residual::None, true));
 }
 
 #[test]
 fn a_target_is_reached_with_few_bytes() {
     let (frame, render) = sample();
     let alone = frame.psnr(&render);
-    for coder in CODERS {
-        let mut encoder = encoder(coder);
-        let (mut last, mut last_len) = (0.0, 0);
-        for target in [alone - 1.0, alone + 1.0, alone + 3.0, alone + 6.0, alone + 10.0, 44.0] {
-            let coded = encoder.encode(&frame, &render, Rate::Psnr(target), 0).unwrap();
-            check_honest(&coded, &frame, &render);
-            assert!(coded.reached && coded.psnr >= target, "{} for {target}", coded.psnr);
-            let len = part_len(&coded.residual);
-            // In short payloads, one coefficient more or less counts for more.
-            if coder == ResidualCoder::Wavelet && len > 100 {
-                assert!(coded.psnr <= target + 0.05, "{} for {target}", coded.psnr);
-            }
-            assert!(coded.psnr >= last && len >= last_len);
-            assert_eq!(len == 0, target < alone);
-            (last, last_len) = (coded.psnr, len);
+    let mut encoder = encoder();
+    let (mut last, mut last_len) = (0.0, 0);
+    for target in [alone - 1.0, alone + 1.0, alone + 3.0, alone + 6.0, alone + 10.0, 44.0] {
+        let coded = encoder.encode(&frame, &render, Rate::Psnr(target), 0).unwrap();
+        check_honest(&coded, &frame, &render);
+        assert!(coded.reached && coded.psnr >= target, "{} for {target}", coded.psnr);
+        let len = part_len(&coded.residual);
+        // In short payloads, one coefficient more or less counts for more.
+        if len > 100 {
+            assert!(coded.psnr <= target + 0.05, "{} for {target}", coded.psnr);
         }
+        assert!(coded.psnr >= last && len >= last_len);
+        assert_eq!(len == 0, target < alone);
+        (last, last_len) = (coded.psnr, len);
     }
 }
 
 #[test]
 fn a_target_out_of_reach_gives_the_best_and_says_so() {
     let (frame, render) = sample();
-    for coder in CODERS {
-        let mut encoder = encoder(coder);
-        let coded = encoder.encode(&frame, &render, Rate::Psnr(90.0), 0).unwrap();
-        assert!(!coded.reached);
-        check_honest(&coded, &frame, &render);
-        let best = coded.psnr;
-        let finest = encoder.encode(&frame, &render, Rate::Quality(100.0), 0).unwrap();
-        assert!(best >= finest.psnr - 0.01, "{best}, {}", finest.psnr);
-    }
+    let mut encoder = encoder();
+    let coded = encoder.encode(&frame, &render, Rate::Psnr(90.0), 0).unwrap();
+    assert!(!coded.reached);
+    check_honest(&coded, &frame, &render);
+    let best = coded.psnr;
+    let finest = encoder.encode(&frame, &render, Rate::Quality(100.0), 0).unwrap();
+    assert!(best >= finest.psnr - 0.01, "{best}, {}", finest.psnr);
 }
 
 #[test]
 fn quality_is_one_coding() {
     let (frame, render) = sample();
-    for coder in CODERS {
-        let mut encoder = encoder(coder);
-        let mut last = 0;
-        for quality in [0.0, 10.0, 30.0, 80.0] {
-            let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
-            assert_eq!(coded.probes, 1);
-            check_honest(&coded, &frame, &render);
-            assert!(part_len(&coded.residual) > last);
-            last = part_len(&coded.residual);
-        }
+    let mut encoder = encoder();
+    let mut last = 0;
+    for quality in [0.0, 10.0, 30.0, 80.0] {
+        let coded = encoder.encode(&frame, &render, Rate::Quality(quality), 0).unwrap();
+        assert_eq!(coded.probes, 1);
+        check_honest(&coded, &frame, &render);
+        assert!(part_len(&coded.residual) > last);
+        last = part_len(&coded.residual);
     }
 }
 
 #[test]
 fn refuses_bad_rates_and_sizes() {
     let (frame, render) = sample();
-    let mut encoder = encoder(ResidualCoder::Wavelet);
+    let mut encoder = encoder();
     for rate in [Rate::Quality(f32::NAN), Rate::Quality(100.5), Rate::Psnr(f64::NAN)] {
         assert!(matches!(encoder.encode(&frame, &render, rate, 0), Err(ResidualError::Rate(_))));
     }

@@ -1,14 +1,10 @@
 //! Following the camera from the frames before.
 
 use crate::Picture;
-#[cfg(feature = "paper")]
-use crate::Pose;
 use crate::vulkan::Error;
 
-#[cfg(feature = "paper")]
-use super::super::descent;
 use super::super::schedule::Schedule;
-use super::super::{FrameInfo, Hint, Optimizer, Outcome, PoseEstimate, Start, StartKind};
+use super::super::{FrameInfo, Hint, Outcome, PoseEstimate, Start, StartKind};
 use super::afresh::disagrees;
 use super::judgement::MOSTLY;
 use super::state::Tracker;
@@ -40,19 +36,13 @@ impl Tracker {
     ) -> Result<Option<PoseEstimate>, Error> {
         self.objective.set_frame(frame);
         self.starts.set_time(info.time);
-        match self.options.optimizer {
-            Optimizer::GaussNewton => {
-                let found = self.search(frame, info)?;
-                // A step that there was no room to end may have drawn over it.
-                let shown = self.shown;
-                Ok(found.map(|found| PoseEstimate {
-                    drawn: found.drawn.filter(|drawn| Some(*drawn) == shown),
-                    ..found
-                }))
-            }
-            #[cfg(feature = "paper")]
-            _ => self.descend(info.hint.map(|hint| hint.pose)),
-        }
+        let found = self.search(frame, info)?;
+        // A step that there was no room to end may have drawn over it.
+        let shown = self.shown;
+        Ok(found.map(|found| PoseEstimate {
+            drawn: found.drawn.filter(|drawn| Some(*drawn) == shown),
+            ..found
+        }))
     }
 
     /// Gauss–Newton on the device.
@@ -163,24 +153,5 @@ impl Tracker {
         }
         let outcome = Outcome { pose, mse, ..found.outcome };
         Ok(PoseEstimate { outcome, drawn: Some(code), ..found })
-    }
-
-    /// The gradient methods, led by the host.
-    #[cfg(feature = "paper")]
-    fn descend(&mut self, external: Option<Pose>) -> Result<Option<PoseEstimate>, Error> {
-        let (objective, options) = (&mut self.objective, &self.options);
-        let begin = descent::choose_start(&self.starts, objective, external, self.threshold)?;
-        let Some(start) = begin else { return Ok(None) };
-        let outcome = descent::minimise(objective, &start.pose, options)?;
-        let observability = *self.objective.observability();
-        let (code, mse) = self.draw(&outcome.pose)?;
-        let agreement = self.agreement();
-        Ok(Some(PoseEstimate {
-            drawn: Some(code),
-            observability,
-            certain: agreement.confirms(),
-            agreement,
-            ..PoseEstimate::from_start(&start, Outcome { mse, ..outcome })
-        }))
     }
 }

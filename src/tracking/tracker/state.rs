@@ -14,8 +14,8 @@ use super::super::cold::ColdStart;
 use super::super::gauss_newton;
 use super::super::schedule::Schedule;
 use super::super::{
-    Comparison, Evaluation, Objective, Optimizer, PoseEstimate, RefineOptions, Relocaliser, Start,
-    StartKind, Starts,
+    Comparison, Evaluation, Objective, PoseEstimate, RefineOptions, Relocaliser, Start, StartKind,
+    Starts,
 };
 
 /// If the picture cannot tell whether a pose is right, a frame is searched afresh if its error is above this many times
@@ -88,7 +88,7 @@ impl Tracker {
         profile: u32,
     ) -> Tracker {
         let cold = ColdStart::new(&objective);
-        let relocaliser = relocaliser(&mut objective, &options);
+        let relocaliser = relocaliser(&mut objective);
         Tracker {
             options,
             threshold,
@@ -145,7 +145,7 @@ impl Tracker {
     /// Goes on with another camera or device. Poses carry over. Key frames are rendered again. All pixels count again.
     pub fn replace(&mut self, mut objective: Objective) {
         self.cold = ColdStart::new(&objective);
-        self.relocaliser = relocaliser(&mut objective, &self.options);
+        self.relocaliser = relocaliser(&mut objective);
         self.comparison = comparison(&objective);
         self.objective = objective;
     }
@@ -338,10 +338,8 @@ fn comparison(objective: &Objective) -> Comparison {
     Comparison::new(camera.width as usize, camera.height as usize)
 }
 
-/// A relocaliser with the prior's key frames. The gradient methods get none, as the paper has none.
-fn relocaliser(objective: &mut Objective, options: &RefineOptions) -> Relocaliser {
+/// A relocaliser with the prior's key frames.
+fn relocaliser(objective: &mut Objective) -> Relocaliser {
     let scene = objective.renderer().scene().clone();
-    let searches = options.optimizer == Optimizer::GaussNewton;
-    let key_frames = if searches { scene.key_frames().poses() } else { &[] };
-    Relocaliser::new(objective, key_frames)
+    Relocaliser::new(objective, scene.key_frames().poses())
 }

@@ -1,12 +1,12 @@
 //! Adam (Kingma & Ba 2015) as in the paper: learning rate 1e-3, halved after three epochs without improvement. τ is
 //! relative to the current pose; its translation is measured in the prior's own length.
 
-use crate::Pose;
-use crate::render::Jacobian;
-use crate::vulkan::Error;
+use nvsprior::Pose;
+use nvsprior::render::Jacobian;
+use nvsprior::vulkan::Error;
 
-use super::super::{Objective, Outcome, Stop};
 use super::vectors::{moved_in, norm_max};
+use nvsprior::tracking::{Objective, Outcome, Stop};
 
 /// Options of Adam.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +44,7 @@ pub(super) fn minimise(
     start: &Pose,
     options: &AdamOptions,
 ) -> Result<Outcome, Error> {
-    let length = objective.length();
+    let length = super::length(objective);
     let mut pose = *start;
     let mut best = Outcome { pose, mse: f64::INFINITY, stop: Stop::Iterations };
     let (mut mean, mut variance) = ([0.0; 6], [0.0; 6]);

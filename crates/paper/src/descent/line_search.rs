@@ -2,7 +2,7 @@
 //! (Nocedal & Wright, Numerical Optimization, algorithms 3.5 and 3.6; the constants and safeguards of
 //! PyTorch's L-BFGS, which the paper's optimiser calls).
 
-use crate::vulkan::Error;
+use nvsprior::vulkan::Error;
 
 /// Sufficient decrease.
 const C1: f64 = 1e-4;

@@ -12,14 +12,13 @@
 //! | 30–… | partitions, a zero after an odd number of bytes | yes, less one last zero |
 
 mod encoder;
-mod libwebp;
 
-use crate::Picture;
+use nvsprior::Picture;
+use nvsprior::residual::max_payload_len;
 
-use super::checks::check_shape;
-use super::{ResidualError, max_payload_len};
-pub(super) use encoder::WebpEncoder;
-use libwebp::{Arena, Lossy, decode_rgb, encode_rgb, features};
+use crate::error::WebpError;
+use crate::libwebp::{Arena, Lossy, decode_rgb, encode_rgb, features};
+pub use encoder::{Coded, Payload, WebpEncoder};
 
 /// Bytes of the container, and of the frame tag after it.
 const CONTAINER_LEN: usize = 20;
@@ -51,30 +50,30 @@ impl Webp {
         picture: &Picture,
         quality: f32,
         segments: u8,
-    ) -> Result<&[u8], ResidualError> {
+    ) -> Result<&[u8], WebpError> {
         check_shape(picture)?;
         let Picture { width, height, ref data } = *picture;
         let how = Lossy { quality, method: METHOD, segments };
         encode_rgb(data, width, height, how, &mut self.arena, &mut self.file)
-            .map_err(ResidualError::Encode)?;
+            .map_err(WebpError::Encode)?;
         Ok(&self.file)
     }
 
     /// Decodes a lossy WebP file of the size of `into`. Refuses others before anything is decoded.
-    pub fn decode_file(&mut self, file: &[u8], into: &mut Picture) -> Result<(), ResidualError> {
+    pub fn decode_file(&mut self, file: &[u8], into: &mut Picture) -> Result<(), WebpError> {
         check_shape(into)?;
         check_file(file, into)?;
         decode_rgb(file, into.width, &mut into.data, &mut self.arena)
-            .ok_or(ResidualError::Payload("damaged VP8 frame"))
+            .ok_or(WebpError::Payload("damaged VP8 frame"))
     }
 
     /// Codes a picture, into `payload`, at a quality of 0 to 100. Returns whether that is a whole file.
-    pub(super) fn encode(
+    pub(crate) fn encode(
         &mut self,
         picture: &Picture,
         quality: f32,
         payload: &mut Vec<u8>,
-    ) -> Result<bool, ResidualError> {
+    ) -> Result<bool, WebpError> {
         // One segment: more of them spend bits on errors that an eye would see, not on the largest errors
         // (docs/decisions.md, 4).
         self.encode_file(picture, quality, 1)?;
@@ -89,12 +88,12 @@ impl Webp {
     }
 
     /// Decodes what [`Webp::encode`] made, into a picture of its size.
-    pub(super) fn decode(
+    pub(crate) fn decode(
         &mut self,
         whole: bool,
         payload: &[u8],
         into: &mut Picture,
-    ) -> Result<(), ResidualError> {
+    ) -> Result<(), WebpError> {
         if whole {
             return self.decode_file(payload, into);
         }
@@ -108,8 +107,8 @@ impl Webp {
     }
 }
 
-const NO_FRAME: ResidualError =
-    ResidualError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
+const NO_FRAME: WebpError =
+    WebpError::Payload("shorter than a VP8 frame tag, or beyond a RIFF file");
 
 /// More bytes than libwebp takes to code or decode a picture. On noise at quality 100 it takes up
 /// to 33 bytes per pixel and another 180 KB (see the test).
@@ -117,15 +116,25 @@ fn arena_len(width: u32, height: u32) -> usize {
     48 * (width as usize).next_multiple_of(16) * (height as usize).next_multiple_of(16) + (1 << 19)
 }
 
+/// Checks that a picture has as many bytes as its size asks for.
+fn check_shape(picture: &Picture) -> Result<(), WebpError> {
+    let Picture { width, height, ref data } = *picture;
+    let bytes = data.len();
+    match bytes > 0 && bytes == width as usize * height as usize * 3 {
+        true => Ok(()),
+        false => Err(WebpError::Shape { width, height, bytes }),
+    }
+}
+
 /// Refuses a file that is not a plain lossy picture of the size of `into`.
-fn check_file(file: &[u8], into: &Picture) -> Result<(), ResidualError> {
-    let features = features(file).ok_or(ResidualError::Payload("not a WebP picture"))?;
+fn check_file(file: &[u8], into: &Picture) -> Result<(), WebpError> {
+    let features = features(file).ok_or(WebpError::Payload("not a WebP picture"))?;
     let (expected, found) = ((into.width, into.height), (features.width, features.height));
     if found != expected {
-        return Err(ResidualError::Size { expected, found });
+        return Err(WebpError::Size { expected, found });
     }
     if !features.plain_lossy {
-        return Err(ResidualError::Payload("not a plain lossy WebP picture"));
+        return Err(WebpError::Payload("not a plain lossy WebP picture"));
     }
     Ok(())
 }
@@ -201,7 +210,7 @@ mod tests {
         whole: bool,
         payload: &[u8],
         (width, height): (u32, u32),
-    ) -> Result<Picture, ResidualError> {
+    ) -> Result<Picture, WebpError> {
         let mut picture = Picture::new(width, height);
         Webp::new(width, height).decode(whole, payload, &mut picture).map(|()| picture)
     }
@@ -241,13 +250,13 @@ mod tests {
         let picture = sample(16, 16);
         let payload = coded(&picture, 50.0);
         let file = rebuilt(&payload, 16, 16);
-        let size = ResidualError::Size { expected: (32, 16), found: (16, 16) };
+        let size = WebpError::Size { expected: (32, 16), found: (16, 16) };
         assert_eq!(decode(true, &file, (32, 16)), Err(size));
         let image = image::RgbImage::from_raw(16, 16, picture.data.clone()).unwrap();
         let mut lossless = std::io::Cursor::new(Vec::new());
         image.write_to(&mut lossless, image::ImageFormat::WebP).unwrap();
         let kind = decode(true, lossless.get_ref(), (16, 16));
-        assert_eq!(kind, Err(ResidualError::Payload("not a plain lossy WebP picture")));
+        assert_eq!(kind, Err(WebpError::Payload("not a plain lossy WebP picture")));
         assert_eq!(decode(false, &[1, 2], (16, 16)), Err(NO_FRAME));
         let mut webp = Webp::new(16, 16);
         let mut encode = |picture: &Picture| webp.encode(picture, 50.0, &mut Vec::new());

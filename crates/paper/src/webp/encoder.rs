@@ -1,12 +1,10 @@
 //! WebP at a rate: by quality, by a budget, or by the picture wanted.
 
-use crate::Picture;
-use crate::packet::{Residual, residual_part_len};
+use nvsprior::residual::{add, difference, max_payload_len};
+use nvsprior::{Picture, Rate};
 
-use super::super::difference::{add, difference_into};
-use super::super::rate::{Content, Rate, RateResult};
-use super::super::{ResidualError, max_payload_len};
 use super::Webp;
+use crate::error::WebpError;
 
 /// Steps of the bisection. Libwebp has 128 quantisers, so seven steps tell them all apart.
 const STEPS: u32 = 7;
@@ -20,7 +18,28 @@ pub struct WebpEncoder {
     /// The coding to keep, and the one just tried.
     best: Probe,
     trial: Probe,
-    probes: u32,
+}
+
+/// A coded difference picture, and what the decoder will make of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Coded<'a> {
+    /// `None`: none would improve the render, the render is good enough, or the budget holds none.
+    pub payload: Option<Payload<'a>>,
+    /// The picture that the decoder will show.
+    pub reconstruction: &'a Picture,
+    /// Its PSNR against the camera's picture, dB.
+    pub psnr: f64,
+    /// Whether the rate was kept.
+    pub reached: bool,
+}
+
+/// A difference picture by WebP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Payload<'a> {
+    /// It is a whole WebP file, not one without what a packet says anyway.
+    pub whole: bool,
+    /// Its bytes.
+    pub bytes: &'a [u8],
 }
 
 #[derive(Clone, Copy)]
@@ -29,8 +48,8 @@ struct Source<'a> {
     render: &'a Picture,
 }
 
-/// What was coded, and whether the rate was kept.
-type Kept = (Content, bool);
+/// Whether a difference picture was coded, and whether the rate was kept.
+type Kept = (bool, bool);
 
 /// One coding of the difference picture.
 struct Probe {
@@ -51,11 +70,6 @@ impl Probe {
             psnr: f64::NEG_INFINITY,
         }
     }
-
-    /// Length of the residual part.
-    fn part_len(&self) -> usize {
-        residual_part_len(self.payload.len())
-    }
 }
 
 impl WebpEncoder {
@@ -67,49 +81,57 @@ impl WebpEncoder {
             decoded: Picture::new(width, height),
             best: Probe::new(width, height),
             trial: Probe::new(width, height),
-            probes: 0,
         }
     }
 
-    /// Codes a difference picture; the outcome is in [`WebpEncoder::coded`].
-    pub fn encode(
-        &mut self,
+    /// Codes what the camera saw and the render did not. `overhead`: what else counts against [`Rate::Bytes`].
+    ///
+    /// With a budget or a target: if no difference picture improves the render, none is coded.
+    ///
+    /// # Errors
+    /// If libwebp fails.
+    ///
+    /// # Panics
+    /// If frame and render are not of the size that it was made for.
+    pub fn encode<'a>(
+        &'a mut self,
         frame: &Picture,
-        render: &Picture,
+        render: &'a Picture,
         rate: Rate,
         overhead: usize,
-    ) -> Result<RateResult, ResidualError> {
-        self.probes = 0;
-        difference_into(frame, render, &mut self.difference);
+    ) -> Result<Coded<'a>, WebpError> {
+        self.difference = difference(frame, render);
         let source = Source { frame, render };
-        let (content, reached) = match rate {
+        let (is_coded, reached) = match rate {
             Rate::Quality(quality) => {
                 self.probe(&source, quality)?;
                 self.keep();
-                (Content::Payload, true)
+                (true, true)
             }
             Rate::Bytes(budget) => self.within(&source, budget, overhead)?,
             Rate::Psnr(target) => self.reaching(&source, target)?,
         };
-        Ok(RateResult { content, reached, probes: self.probes })
-    }
-
-    /// What was coded, the picture that it makes, and its PSNR, dB.
-    pub fn coded(&self) -> (Residual<'_>, &Picture, f64) {
         let Probe { whole, ref payload, ref reconstruction, psnr, .. } = self.best;
-        (Residual::Webp { whole, payload }, reconstruction, psnr)
+        Ok(match is_coded {
+            true => {
+                let payload = Some(Payload { whole, bytes: payload });
+                Coded { payload, reconstruction, psnr, reached }
+            }
+            false => {
+                Coded { payload: None, reconstruction: render, psnr: frame.psnr(render), reached }
+            }
+        })
     }
 
     /// Codes at a quality; the outcome is in `trial`.
-    fn probe(&mut self, source: &Source, quality: f32) -> Result<(), ResidualError> {
+    fn probe(&mut self, source: &Source, quality: f32) -> Result<(), WebpError> {
         let Source { frame, render } = *source;
-        self.probes += 1;
         let trial = &mut self.trial;
         trial.quality = quality;
         trial.whole = self.webp.encode(&self.difference, quality, &mut trial.payload)?;
         let (width, height) = (frame.width, frame.height);
         if trial.payload.len() > max_payload_len(width, height) {
-            return Err(ResidualError::Encode(format!("{} bytes", trial.payload.len())));
+            return Err(WebpError::Encode(format!("{} bytes", trial.payload.len())));
         }
         self.webp.decode(trial.whole, &trial.payload, &mut self.decoded)?;
         trial.reconstruction.data.copy_from_slice(&render.data);
@@ -129,31 +151,31 @@ impl WebpEncoder {
         source: &Source,
         budget: usize,
         overhead: usize,
-    ) -> Result<Kept, ResidualError> {
+    ) -> Result<Kept, WebpError> {
         let room = budget.saturating_sub(overhead);
-        if room <= residual_part_len(0) {
-            return Ok((Content::NoRoom, false));
+        if room == 0 {
+            return Ok((false, false));
         }
-        let fits = |probe: &Probe| probe.part_len() <= room;
+        let fits = |probe: &Probe| probe.payload.len() <= room;
         let preferred =
             |new: &Probe, old: &Probe| fits(new) && !(fits(old) && old.psnr >= new.psnr);
         self.bisect(source, fits, preferred)?;
-        Ok(if fits(&self.best) { (self.if_better(source), true) } else { (Content::NoRoom, false) })
+        Ok(if fits(&self.best) { (self.is_better(source), true) } else { (false, false) })
     }
 
     /// The fewest bytes that reach the target, or the best picture there is.
-    fn reaching(&mut self, source: &Source, target: f64) -> Result<Kept, ResidualError> {
+    fn reaching(&mut self, source: &Source, target: f64) -> Result<Kept, WebpError> {
         if source.frame.psnr(source.render) >= target {
-            return Ok((Content::NotNeeded, true));
+            return Ok((false, true));
         }
         let reaches = |probe: &Probe| probe.psnr >= target;
         let preferred = |new: &Probe, old: &Probe| match (reaches(new), reaches(old)) {
-            (true, true) => new.part_len() < old.part_len(),
+            (true, true) => new.payload.len() < old.payload.len(),
             (false, false) => new.psnr > old.psnr,
             (new, _) => new,
         };
         self.bisect(source, |probe| !reaches(probe), preferred)?;
-        Ok((self.if_better(source), reaches(&self.best)))
+        Ok((self.is_better(source), reaches(&self.best)))
     }
 
     /// Codes at qualities that close in on the one at which `finer` turns from true to false. If
@@ -164,7 +186,7 @@ impl WebpEncoder {
         source: &Source,
         finer: impl Fn(&Probe) -> bool,
         preferred: impl Fn(&Probe, &Probe) -> bool,
-    ) -> Result<(), ResidualError> {
+    ) -> Result<(), WebpError> {
         let (mut low, mut high) = (0.0, 1.0);
         for step in 0..=STEPS {
             let level = if step < STEPS {
@@ -189,8 +211,8 @@ impl WebpEncoder {
         Ok(())
     }
 
-    fn if_better(&self, source: &Source) -> Content {
-        Content::payload_if(self.best.psnr > source.frame.psnr(source.render))
+    fn is_better(&self, source: &Source) -> bool {
+        self.best.psnr > source.frame.psnr(source.render)
     }
 }
 

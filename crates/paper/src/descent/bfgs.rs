@@ -3,13 +3,13 @@
 //! the gradient's product with `d`, for every t. Translations are measured in the prior's own length, so that the first
 //! inverse Hessian does not depend on the prior's unit.
 
-use crate::Pose;
-use crate::render::Jacobian;
-use crate::vulkan::Error;
+use nvsprior::Pose;
+use nvsprior::render::Jacobian;
+use nvsprior::vulkan::Error;
 
-use super::super::{Objective, Outcome, Stop};
 use super::line_search::{Point, strong_wolfe};
 use super::vectors::{dot, minus, moved_in, norm_max, scaled};
+use nvsprior::tracking::{Objective, Outcome, Stop};
 
 /// Options of BFGS.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,7 +53,7 @@ pub(super) fn minimise(
     start: &Pose,
     options: &BfgsOptions,
 ) -> Result<Outcome, Error> {
-    let length = objective.length();
+    let length = super::length(objective);
     let mut evaluate = |pose: &Pose| {
         let equations = objective.evaluate(0, Jacobian::Exact, pose)?;
         Ok::<_, Error>((equations.mse(), moved_in(length, &equations.gradient())))
