@@ -5,14 +5,12 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use nvsprior::render::Scene;
-use nvsprior::residual::ResidualCoder;
-use nvsprior::tracking::Optimizer;
-use nvsprior::{Camera, Encoder, EncoderOptions, Engine, Rate};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Picture, Pose, Rate};
 use nvsprior_basin::DemoFrame;
 use nvsprior_runs::SheetRow;
 
 use crate::table::Figures;
-use crate::topside::Topside;
+use crate::topside::{PAPER, Topside};
 
 /// A frame starts from the one before if the mean squared error there is below this.
 const THRESHOLD: f64 = 1e-2;
@@ -25,6 +23,28 @@ pub struct Coder<'a> {
     pub scene: &'a Arc<Scene>,
     pub camera: Camera,
     pub topside: Topside,
+}
+
+/// By which system a run is coded.
+#[derive(Clone, Copy)]
+pub enum System {
+    Ours,
+    /// The paper's, with its BFGS and its WebP.
+    Papers,
+}
+
+enum AnyEncoder {
+    Ours(Box<Encoder>),
+    Papers(Box<nvsprior_paper::Encoder>),
+}
+
+impl AnyEncoder {
+    fn encode(&mut self, frame: &Picture, start: Option<Pose>) -> anyhow::Result<Encoded> {
+        Ok(match self {
+            AnyEncoder::Ours(encoder) => encoder.encode(frame, start)?,
+            AnyEncoder::Papers(encoder) => encoder.encode(frame, start)?,
+        })
+    }
 }
 
 /// What came of a run, frame by frame.
@@ -40,16 +60,16 @@ impl Coder<'_> {
         &mut self,
         run: &Path,
         frames: &[DemoFrame],
-        (optimizer, residual): (Optimizer, ResidualCoder),
+        system: System,
         rate: Rate,
     ) -> anyhow::Result<Coded> {
-        let rate = Some(rate);
-        let mut options =
-            EncoderOptions { threshold: THRESHOLD, rate, residual, ..Default::default() };
-        options.refine.optimizer = optimizer;
-        let mut encoder = Encoder::new(self.engine, self.scene, &self.camera, options)?;
-        let packets = run.join(format!("packets-{}", optimizer.name()));
-        let decoded = run.join(format!("decoded-{}", optimizer.name()));
+        let mut encoder = self.encoder(system, rate)?;
+        let (search, ending) = match system {
+            System::Ours => ("gauss-newton", "nvsp"),
+            System::Papers => ("bfgs", PAPER),
+        };
+        let packets = run.join(format!("packets-{search}"));
+        let decoded = run.join(format!("decoded-{search}"));
         for folder in [&packets, &decoded] {
             std::fs::create_dir_all(folder)
                 .with_context(|| format!("making {}", folder.display()))?;
@@ -58,7 +78,7 @@ impl Coder<'_> {
         for (index, frame) in frames.iter().enumerate() {
             let start = (index == 0).then(|| frame.pose.stepped(&FIRST_OFFSET));
             let encoded = encoder.encode(&frame.picture, start)?;
-            let packet = packets.join(&frame.name).with_extension("nvsp");
+            let packet = packets.join(&frame.name).with_extension(ending);
             std::fs::write(&packet, &encoded.packet)
                 .with_context(|| format!("writing {}", packet.display()))?;
             let shown = decoded.join(&frame.name);
@@ -85,5 +105,22 @@ impl Coder<'_> {
             });
         }
         Ok(coded)
+    }
+
+    fn encoder(&self, system: System, rate: Rate) -> anyhow::Result<AnyEncoder> {
+        let (engine, scene, camera) = (self.engine, self.scene, &self.camera);
+        let (threshold, rate) = (THRESHOLD, Some(rate));
+        Ok(match system {
+            System::Ours => {
+                let options = EncoderOptions { threshold, rate, ..Default::default() };
+                AnyEncoder::Ours(Box::new(Encoder::new(engine, scene, camera, options)?))
+            }
+            System::Papers => {
+                let options =
+                    nvsprior_paper::EncoderOptions { threshold, rate, ..Default::default() };
+                let encoder = nvsprior_paper::Encoder::new(engine, scene, camera, options)?;
+                AnyEncoder::Papers(Box::new(encoder))
+            }
+        })
     }
 }

@@ -2,13 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use nvsprior::residual::ResidualCoder;
-use nvsprior::tracking::Optimizer;
 use nvsprior::{Camera, Engine, Rate};
 use nvsprior_basin::{Conditions, DemoFrame, Dive};
 use nvsprior_runs::write_contact_sheet;
 
-use crate::coding::{Coded, Coder};
+use crate::coding::{Coded, Coder, System};
 use crate::table::{self, Figures, Table, TableRow};
 use crate::topside::Topside;
 use crate::{prior, webp};
@@ -67,8 +65,7 @@ impl Job {
         draw_dive(&self.out, self.camera, dive, self.frames, |frame| frames.push(frame.clone()))?;
         let folder = self.out.join(name);
         let quality = Rate::Quality(self.quality);
-        let ours = (Optimizer::default(), ResidualCoder::Wavelet);
-        let Coded { figures, pictures } = coder.code(&folder, &frames, ours, quality)?;
+        let Coded { figures, pictures } = coder.code(&folder, &frames, System::Ours, quality)?;
         write_contact_sheet(&self.out.join(format!("{name}.png")), &pictures)?;
         let all = self.compared(name, &frames, &figures, None)?;
         let part = self.bfgs_frames.min(self.frames);
@@ -78,8 +75,7 @@ impl Job {
         println!("{name}: {part} of them by BFGS, as in the paper: it takes seconds for each");
         let (frames, figures) = (&frames[..part], &figures[..part]);
         let psnr = TableRow::mean_of("", figures).psnr;
-        let papers = (Optimizer::Bfgs, ResidualCoder::Webp);
-        let bfgs = coder.code(&folder, frames, papers, Rate::Psnr(psnr))?.figures;
+        let bfgs = coder.code(&folder, frames, System::Papers, Rate::Psnr(psnr))?.figures;
         let compared = self.compared(name, frames, figures, Some(&bfgs))?;
         Ok(if part == self.frames { vec![compared] } else { vec![all, compared] })
     }

@@ -1,4 +1,5 @@
-//! The topside, in a process of its own. It has the prior and the packets, and no frame.
+//! The topside, in a process of its own. It has the prior and the packets, and no frame. Packets of the paper's system
+//! are files that end in [`PAPER`].
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -7,6 +8,9 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use anyhow::Context;
 use nvsprior::{Decoder, Engine, Picture, Prior};
 use nvsprior_runs::{read_png, write_png};
+
+/// How the names of files with packets of the paper's system end.
+pub const PAPER: &str = "paper";
 
 /// The program's first argument if it is to be the topside. The second one is the prior.
 pub const TOPSIDE: &str = "demo-topside";
@@ -58,11 +62,17 @@ pub fn serve(prior: &Path) -> anyhow::Result<()> {
     let engine = Engine::new(&Default::default())?;
     let scene = engine.upload(&Prior::open(prior, &Default::default())?)?;
     let mut decoder = Decoder::new(&engine, &scene);
+    let mut papers = nvsprior_paper::Decoder::new(&engine, &scene);
+    let mut picture = Picture::default();
     let mut lines = std::io::stdin().lines();
     while let (Some(packet), Some(shown)) = (lines.next().transpose()?, lines.next().transpose()?) {
         let bytes = std::fs::read(&packet).with_context(|| format!("reading {packet}"))?;
-        let decoded = decoder.decode(&bytes).with_context(|| packet.clone())?;
-        write_png(Path::new(&shown), &decoded.picture)?;
+        if Path::new(&packet).extension().is_some_and(|ending| ending == PAPER) {
+            papers.decode(&bytes, &mut picture).with_context(|| packet.clone())?;
+        } else {
+            picture = decoder.decode(&bytes).with_context(|| packet.clone())?.picture;
+        }
+        write_png(Path::new(&shown), &picture)?;
         println!("shown");
     }
     Ok(())

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use nvsprior::Picture;
-use nvsprior::residual::Webp;
+use nvsprior_paper::Webp;
 
 use crate::table::Figures;
 
