@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Fails if a file of src/ knows a file that lies higher, or if files know each other in a circle.
+"""Fails if a file of src/ knows a file that lies higher, or if files of a crate know each other in a circle.
 
 Usage: arrows.py            prints what breaks the rules; exit status 1 if anything does
        arrows.py list       prints every arrow: file -> file: names
@@ -176,9 +176,9 @@ def use_tree(tokens, at, prefix, found):
 
 
 class Tree:
-    def __init__(self, source):
+    def __init__(self, source, root="lib.rs"):
         self.source = source
-        self.root = self.read(os.path.join(source, "lib.rs"), None, source)
+        self.root = self.read(os.path.join(source, root), None, source)
 
     def read(self, file, parent, folder):
         module = Module(parent, os.path.relpath(file, self.source))
@@ -385,7 +385,7 @@ def circle(arrows):
 
 
 def faults(arrows):
-    """What breaks the rules, as lines."""
+    """What breaks the rules of src/, as lines."""
     known, lines = levels(), []
     for file, others in sorted(arrows.items()):
         for other, names in sorted(others.items()):
@@ -396,17 +396,29 @@ def faults(arrows):
                 lines.append(f"up: {file} ({room}) -> {other} ({target}): {', '.join(sorted(names))}")
         if room_of(file, known) not in known and file != "lib.rs":
             lines.append(f"no room: {file}: scripts/arrows.py does not say how high it lies")
-    if part := circle(arrows):
-        lines.append(f"circle of {len(part)} files: {' '.join(part)}")
-        for file in part:
-            for other, names in sorted(arrows[file].items()):
-                if other in part:
-                    lines.append(f"    {file} -> {other}: {', '.join(sorted(names))}")
-    return lines
+    return lines + circles(arrows)
 
 
-def check(source):
+def circles(arrows, crate=""):
+    """The circle of a crate's files, if there is one, as lines."""
+    part = circle(arrows)
+    lines = [f"circle of {len(part)} files: {crate}{' '.join(part)}"] if part else []
+    within = [(file, other) for file in part for other in sorted(arrows[file]) if other in part]
+    return lines + [f"    {a} -> {b}: {', '.join(sorted(arrows[a][b]))}" for a, b in within]
+
+
+def crates(top):
+    """Folder and root file of all other crates."""
+    folders = [f"{group}/{name}" for group in ("crates", "tools") for name in sorted(os.listdir(f"{top}/{group}"))]
+    for folder in [f"{name}/src" for name in [*folders, "gst-plugins", "python", "shaders-rs/kernels"]]:
+        yield from ((folder, root) for root in ("lib.rs", "main.rs") if os.path.exists(f"{top}/{folder}/{root}"))
+
+
+def check(top):
+    source = os.path.join(top, "src")
     lines = faults(Tree(source).arrows())
+    for folder, root in crates(top):
+        lines += circles(Tree(os.path.join(top, folder), root).arrows(), f"{folder}: ")
     for room in levels():
         if not any(os.path.exists(os.path.join(source, room + end)) for end in (".rs", "/mod.rs")):
             lines.append(f"no file: {room}: scripts/arrows.py names a room that is not there")
@@ -486,13 +498,13 @@ def selftest():
 
 
 def main():
-    source = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), "src")
+    top = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
     what = sys.argv[1] if len(sys.argv) > 1 else "check"
     if what == "selftest":
         return selftest()
     if what == "check":
-        return check(source)
-    for file, others in sorted(Tree(source).arrows().items()):
+        return check(top)
+    for file, others in sorted(Tree(os.path.join(top, "src")).arrows().items()):
         for other, names in sorted(others.items()):
             print(f"{file} -> {other}: {', '.join(sorted(names))}")
     return 0

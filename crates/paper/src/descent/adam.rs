@@ -5,7 +5,7 @@ use nvsprior::Pose;
 use nvsprior::render::Jacobian;
 use nvsprior::vulkan::Error;
 
-use super::vectors::{moved_in, norm_max};
+use super::vectors::{length, moved_in, norm_max};
 use nvsprior::tracking::{Objective, Outcome, Stop};
 
 /// Options of Adam.
@@ -44,7 +44,7 @@ pub(super) fn minimise(
     start: &Pose,
     options: &AdamOptions,
 ) -> Result<Outcome, Error> {
-    let length = super::length(objective);
+    let length = length(objective);
     let mut pose = *start;
     let mut best = Outcome { pose, mse: f64::INFINITY, stop: Stop::Iterations };
     let (mut mean, mut variance) = ([0.0; 6], [0.0; 6]);

@@ -8,7 +8,7 @@ use nvsprior::render::Jacobian;
 use nvsprior::vulkan::Error;
 
 use super::line_search::{Point, strong_wolfe};
-use super::vectors::{dot, minus, moved_in, norm_max, scaled};
+use super::vectors::{dot, length, minus, moved_in, norm_max, scaled};
 use nvsprior::tracking::{Objective, Outcome, Stop};
 
 /// Options of BFGS.
@@ -53,7 +53,7 @@ pub(super) fn minimise(
     start: &Pose,
     options: &BfgsOptions,
 ) -> Result<Outcome, Error> {
-    let length = super::length(objective);
+    let length = length(objective);
     let mut evaluate = |pose: &Pose| {
         let equations = objective.evaluate(0, Jacobian::Exact, pose)?;
         Ok::<_, Error>((equations.mse(), moved_in(length, &equations.gradient())))

@@ -78,11 +78,6 @@ pub fn minimise(
     }
 }
 
-/// The length that makes translations comparable with turns: the prior's own.
-fn length(objective: &mut Objective) -> f64 {
-    objective.renderer().scene().coordinate_frame().unit()
-}
-
 /// Poses of the frames before.
 #[derive(Default)]
 pub(crate) struct Poses {

@@ -1,5 +1,7 @@
 //! Vectors of a pose step: three of translation, three of rotation.
 
+use nvsprior::tracking::Objective;
+
 pub(super) fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -21,4 +23,9 @@ pub(super) fn minus(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
 /// Largest absolute component; a NaN counts as infinite.
 pub(super) fn norm_max(a: &[f64; 6]) -> f64 {
     a.iter().fold(0.0, |m: f64, v| if v.is_nan() { f64::INFINITY } else { m.max(v.abs()) })
+}
+
+/// The length that makes translations comparable with turns: the prior's own.
+pub(super) fn length(objective: &mut Objective) -> f64 {
+    objective.renderer().scene().coordinate_frame().unit()
 }
