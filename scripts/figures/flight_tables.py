@@ -92,9 +92,9 @@ def link_losses():
 
 def link_modes():
     runs = values("link")["runs"]
-    named = {"loss-64-1": "none (all-intra)", "keys": "the last key frame, every 8 (`keys`)",
-             "layers": "layers of four, a key every 16 (`layers`)",
-             "chain": "the frame before, a key every 16 (`chain`)"}
+    named = {"loss-64-1": "none (all-intra)", "keys": "the last intra frame, every 8 (`keys`)",
+             "layers": "layers of four, an intra frame every 16 (`layers`)",
+             "chain": "the frame before, an intra frame every 16 (`chain`)"}
     shown = [0.0, 0.05, 0.2]
     return table(["frames are predicted from", *[percent(loss) for loss in shown]], [
         [text, *[f"{run['shown_psnr']:.2f} dB" for run in runs[name] if run["loss"] in shown]]
