@@ -63,7 +63,7 @@ help:
 	@echo "make semver-check   compares the Rust library's API with that of the last release"
 	@echo "make licences       the lists of what is linked in, after a change of dependencies; needs cargo-about and"
 	@echo "                    cargo-cyclonedx"
-	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
+	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/packaging.md"
 	@echo "make paper-test     the paper's learned baselines (tools/paper) in a Python of their own; installs PyTorch"
 	@echo "make setup-test     runs targets in a bare Debian, as a new user would: TARGETS=\"demo test lib deb\""
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
