@@ -3,9 +3,8 @@ from page import JOBS, table, values
 
 
 def demo():
-    return table(["run", "method", "bytes", "ratio", "PSNR, dB", "ms per frame", "renders"], [
-        [row["run"], row["method"], f"{row['bytes']:.0f}", f"{row['ratio']:.0f}", f"{row['psnr']:.2f}",
-         f"{row['milliseconds']:.0f}", f"{row['renders']:.1f}" if row["renders"] else ""]
+    return table(["run", "method", "bytes", "PSNR, dB", "ms per frame"], [
+        [row["run"], row["method"], f"{row['bytes']:.0f}", f"{row['psnr']:.2f}", f"{row['milliseconds']:.0f}"]
         for row in values("demo")["rows"]])
 
 
@@ -24,14 +23,6 @@ def reef_starts():
          f"{reef[kind]['in_forward_renders']:.1f}, {reef[kind]['in_forward_renders_p95']:.1f}",
          f"{reef[kind]['failures']} of {reef[kind]['trials']}"]
         for kind, text in STARTS.items()])
-
-
-def reef_coders():
-    reef = values("reef")
-    rows = [[name, f"{reef[coder]['bytes']:.0f}", f"{reef[coder]['psnr']:.2f}"]
-            for coder, name in (("wavelet", "wavelet"), ("webp", "WebP, as in the paper"))]
-    return table(["difference by", "bytes", "PSNR, dB"],
-                 [["nothing: the render alone", "", f"{reef['wavelet']['render_psnr']:.2f}"], *rows])
 
 
 def reef_times():
@@ -137,7 +128,6 @@ def stability():
 TABLES = {
     "demo": demo,
     "reef-starts": reef_starts,
-    "reef-coders": reef_coders,
     "reef-times": reef_times,
     "steady-renders": steady_renders,
     "commands": commands,

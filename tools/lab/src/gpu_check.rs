@@ -1,5 +1,6 @@
 //! `make gpu-check`: what a GPU's compiler makes of the engine's pipelines, without a GPU. Mesa's RADV compiles for a
-//! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device: `docs/latency.md`.
+//! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device:
+//! `docs/latency.md`.
 
 mod lanes;
 mod row;
