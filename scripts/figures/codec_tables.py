@@ -90,9 +90,8 @@ def similarity():
 
 def beside_webp():
     rows = [(text, values(f"codecs-{name}")["beside_webp"]) for name, text in RUNS.items()]
-    return table(["run", "cases", "of these worse", "WebP's payloads, bytes", "least gain", "mean"], [
-        [text, row["cases"], row["worse"], f"{row['bytes'][0]:.0f} to {row['bytes'][1]:.0f}",
-         f"{row['least_gain']:.2f} dB ({row['least_gain_at'][1]:.0f} bytes)", f"{row['mean_gain']:.2f} dB"]
+    return table(["run", "cases", "of these worse", "least gain", "mean"], [
+        [text, row["cases"], row["worse"], f"{row['least_gain']:.2f} dB", f"{row['mean_gain']:.2f} dB"]
         for text, row in rows])
 
 
