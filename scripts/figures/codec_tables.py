@@ -74,7 +74,8 @@ def rates():
 def bd_rates():
     names, rows = coders()
     return table(["coder", *[SHORT[run] for run in RUNS]], [
-        [name, *[change(rows[run][name]["wavelet_bd_rate"]) for run in RUNS]] for name in names if name != OWN])
+        [name, *[change(rows[run][name]["wavelet_bd_rate"]) for run in RUNS]]
+        for name in names if not name.startswith(OWN)])
 
 
 def similarity():

@@ -104,16 +104,14 @@ def ablation_starts():
 
 
 EXPECTED = {
-    "poses": "views whose equations are ill-conditioned or singular: the search ends no worse than it began; what the "
-             "picture leaves open stays at the start, and is reported",
+    "poses": "views whose equations are ill-conditioned or singular: the search ends no worse than it began",
     "units": "a scene in other units finds the same pose, to a thousandth of the depth; a million units from the "
              "origin, to a hundredth",
-    "optimisers": "on flat, noisy and deceiving objectives each ends by itself, at numbers, no worse than it began; a "
-                  "thousand frames add nothing up",
-    "splats": "needles, specks, scales from e⁻⁴⁰ to e⁴⁰, opacities of 0 and 1: as by the twin; NaN and ∞ are left out "
-              "and counted; what the device does not hold is refused with what would fit",
-    "pictures": "frames that show nothing of the prior, and cameras from 1×1 to 4096×4096: the topside shows what was "
-                "encoded, or a refusal names the bound",
+    "optimisers": "on flat, noisy and deceiving objectives each ends by itself, no worse than it began",
+    "splats": "needles, specks, scales from e⁻⁴⁰ to e⁴⁰, opacities of 0 and 1: as by the twin; NaN and ∞ are left out; "
+              "what the device does not hold is refused",
+    "pictures": "frames without the prior, cameras from 1×1 to 4096×4096: the topside shows what was encoded, or a "
+                "refusal names the bound",
     "precision": "medians of 16 bits right and more in every stage",
     "devices": "every device of the machine against the first: fewer than one pixel in a hundred differs",
     "random": "10,000 random scenes with extreme fields: numbers within their bounds, typed errors only, no hang",
