@@ -63,16 +63,16 @@ help:
 	@echo "make semver-check   compares the Rust library's API with that of the last release"
 	@echo "make licences       the lists of what is linked in, after a change of dependencies; needs cargo-about and"
 	@echo "                    cargo-cyclonedx"
-	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/cross-build.md"
+	@echo "make cross-aarch64  as package-test, for 64-bit ARM, under QEMU: docs/packaging.md"
 	@echo "make paper-test     the paper's learned baselines (tools/paper) in a Python of their own; installs PyTorch"
 	@echo "make setup-test     runs targets in a bare Debian, as a new user would: TARGETS=\"demo test lib deb\""
 	@echo "make shaders        rebuild the SPIR-V modules in shaders-rs/kernels from their Rust sources"
 	@echo "make shaders-check  rebuild them elsewhere and compare"
-	@echo "make device-report  measure this machine's Vulkan device, at most 8 minutes once built: docs/devices.md;"
+	@echo "make device-report  measure this machine's Vulkan device, at most 8 minutes once built: docs/latency.md;"
 	@echo "                    report and page in target/device-report/; DEVICE=NAME chooses another device"
 	@echo "make frame-times    most and 99 % of frame times, lost, in darkness and silt, without a bound and with one;"
 	@echo "                    MS=N: the bound; PRIOR and CAMERAS: of other frames than the demo's"
-	@echo "make gpu-check      ask a GPU's compiler about them, without a GPU: docs/gpu.md; RENEW=1 renews its table"
+	@echo "make gpu-check      ask a GPU's compiler about them, without a GPU: docs/latency.md; RENEW=1 renews its table"
 
 # A program of its own, by the profile that compiles fast. `nvsprior demo` does the same.
 demo:

@@ -484,7 +484,7 @@ typedef struct nvsp_frame_info {
   uint32_t struct_size, abi_version;
   // A pose from sensors or an estimator; NULL: none. It is used if there is no certain pose of the frame before, and if
   // it disagrees with that one by more than a tenth of the scene's depth or 6 degrees; the picture decides. On the
-  // scenes of docs/recovery.md it may be off by 40 degrees or 1.5 units: of 104 starts each all were found. What is
+  // scenes of docs/poses.md it may be off by 40 degrees or 1.5 units: of 104 starts each all were found. What is
   // farther off costs time, not certainty. Beyond a million spreads of the prior it is refused.
   const struct nvsp_pose *hint;
   // How sure the hint is: the covariance of the small motion from the hint to the true pose. 36 values, row by row:

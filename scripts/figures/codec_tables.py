@@ -1,6 +1,4 @@
 """Tables of coders and of streams."""
-from functools import partial
-
 from page import table, values
 
 LEVELS = range(30, 37)
@@ -31,14 +29,6 @@ def reached(rates):
     return [n for n in LEVELS if own[column(n)] and any(row[column(n)] for row in others(rates))]
 
 
-def rates(name):
-    rows = values(f"codecs-{name}")["rates"]
-    levels = [n for n in LEVELS if any(row[column(n)] for row in rows)]
-    return table(["coder", *[f"{n} dB" for n in levels], "BD-rate"], [
-        [row["coder"], *[number(row[column(n)]) for n in levels],
-         change(row["wavelet_bd_rate"])] for row in rows])
-
-
 RUNS = {
     "reef": "reef, `test_block`, given prior",
     "mapped": "reef, `test_block`, `nvsprior map`",
@@ -46,6 +36,8 @@ RUNS = {
     "t2": "T2, a new object",
     "t4": "T4, four weeks later",
 }
+SHORT = {"reef": "reef, given prior", "mapped": "reef, `map`", "t1": "T1", "t2": "T2", "t4": "T4"}
+SHOWN = {run: (34, 35, 36) if run == "t1" else (32, 33, 34) for run in RUNS}
 
 
 def shares():
@@ -63,25 +55,51 @@ def shares():
     return table(["run", *[f"{n} dB" for n in LEVELS[1:]]], [[text, *cells(name)] for name, text in RUNS.items()])
 
 
-def similarity(name, measure):
-    rows = values(f"codecs-{name}")["similarity"]
-    places = ["100_bytes", "300_bytes", "1000_bytes", "33_db", "35_db"]
-    return table(["coder", *[place.replace("_db", " dB").replace("_", " ") for place in places]], [
-        [row["coder"], *[number(row[f"{measure}_at_{place}"], 3) for place in places]] for row in rows])
+def coders():
+    """The coders of each run's rates: their names, and by run their rows."""
+    rows = {run: {row["coder"]: row for row in values(f"codecs-{run}")["rates"]} for run in RUNS}
+    return list(rows["reef"]), rows
+
+
+def rates():
+    """Bytes at three levels, by coder and run."""
+    names, rows = coders()
+
+    def cell(run, coder):
+        return ", ".join(number(rows[run][coder][column(n)]) for n in SHOWN[run])
+    head = [f"{SHORT[run]}: {', '.join(map(str, SHOWN[run]))} dB" for run in RUNS]
+    return table(["coder", *head], [[name, *[cell(run, name) for run in RUNS]] for name in names])
+
+
+def bd_rates():
+    names, rows = coders()
+    return table(["coder", *[SHORT[run] for run in RUNS]], [
+        [name, *[change(rows[run][name]["wavelet_bd_rate"]) for run in RUNS]]
+        for name in names if not name.startswith(OWN)])
+
+
+def similarity():
+    """The luma's SSIM and MS-SSIM at equal bytes and at one PSNR."""
+    rows = {run: {row["coder"]: row for row in values(f"codecs-{run}")["similarity"]} for run in ("reef", "t2")}
+    places = [(run, place) for run in rows for place in ("300_bytes", "33_db")]
+
+    def cell(coder, run, place):
+        return ", ".join(number(rows[run][coder][f"{measure}_at_{place}"], 3) for measure in ("ssim", "ms_ssim"))
+    head = [f"{SHORT[run]}, {place.replace('_db', ' dB').replace('_', ' ')}" for run, place in places]
+    return table(["coder", *head], [[coder, *[cell(coder, *place) for place in places]] for coder in rows["reef"]])
 
 
 def beside_webp():
     rows = [(text, values(f"codecs-{name}")["beside_webp"]) for name, text in RUNS.items()]
-    return table(["run", "cases", "of these worse", "WebP's payloads, bytes", "least gain", "mean"], [
-        [text, row["cases"], row["worse"], f"{row['bytes'][0]:.0f} to {row['bytes'][1]:.0f}",
-         f"{row['least_gain']:.2f} dB ({row['least_gain_at'][1]:.0f} bytes)", f"{row['mean_gain']:.2f} dB"]
+    return table(["run", "cases", "of these worse", "least gain", "mean"], [
+        [text, row["cases"], row["worse"], f"{row['least_gain']:.2f} dB", f"{row['mean_gain']:.2f} dB"]
         for text, row in rows])
 
 
 def coder_times():
     rows = values("codecs-mapped")["times"]
-    return table(["rate", "codings", "payload, bytes", "PSNR, dB", "encode", "decode", "filter"], [
-        [row["rate"], number(row["codings"], 1), number(row["payload"]), number(row["psnr"], 2),
+    return table(["rate", "payload, bytes", "PSNR, dB", "encode", "decode", "filter"], [
+        [row["rate"], number(row["payload"]), number(row["psnr"], 2),
          *[number(row[f"{what}_in_forward_renders"], 2) for what in ("encode", "decode", "filter")]] for row in rows])
 
 
@@ -104,7 +122,7 @@ TABLES = {
     "beside-webp": beside_webp,
     "coder-times": coder_times,
     "streams": streams,
-    **{f"rates-{name}": partial(rates, name) for name in RUNS},
-    **{f"{measure.replace('_', '-')}-{name}": partial(similarity, name, measure)
-       for measure in ("ssim", "ms_ssim") for name in ("reef", "t2")},
+    "rates": rates,
+    "bd-rates": bd_rates,
+    "similarity": similarity,
 }

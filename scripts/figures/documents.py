@@ -10,8 +10,14 @@ from page import read, table
 def sources():
     known = [results.read(measurement.name) for measurement in measurements.ALL]
     read.update(result["name"] for result in known)
-    return table(["result", "date", "commit", "device", "processor"], [
-        [f"[{r['name']}](results/{r['name']}.json)", r["date"], r["commit"], r["device"], r["machine"]] for r in known])
+    groups = {}
+    for r in known:
+        link = f"[{r['name']}](results/{r['name']}.json)"
+        groups.setdefault((r["date"], r["commit"], f"{r['device']}; {r['machine']}"), []).append(link)
+    rows = [[", ".join(names), *made] for made, names in groups.items()]
+    devices = ["", *[row[-1] for row in rows]]
+    return table(["results", "date", "commit", "device and processor"], [
+        [*row[:-1], "" if row[-1] == before else row[-1]] for row, before in zip(rows, devices)])
 
 
 TABLES = {"sources": sources} | search_tables.TABLES | codec_tables.TABLES | flight_tables.TABLES

@@ -1,5 +1,5 @@
 """Tables of training, of sizes, of sites in blocks, and of links."""
-from page import JOBS, table, values
+from page import table, values
 
 MIB = 1 << 20
 
@@ -23,38 +23,35 @@ def mapping_bytes():
 
 
 def sizes():
-    return table(["size", "render", "bytes at 31, 32, 33 dB", "search", "its CPU time", "one render", "code, 32 dB",
-                  "decode, 32 dB", "device memory"], [
+    return table(["size", "render", "bytes at 31, 32, 33 dB", "search, CPU time", "device memory"], [
         [f"{row['width']}×{row['height']}", f"{row['render_psnr_db']:.2f} dB",
-         ", ".join(f"{at['bytes']:,.0f}" for at in row["at_psnr"]), f"{row['search_ms']:.0f} ms",
-         f"{row['search_cpu_ms']:.0f} ms", f"{row['render_ms']:.0f} ms", f"{row['at_psnr'][1]['code_ms']:.0f} ms",
-         f"{row['at_psnr'][1]['decode_ms']:.0f} ms", f"{row['device_bytes'] / 1e6:.0f} MB"]
+         ", ".join(f"{at['bytes']:,.0f}" for at in row["at_psnr"]), f"{row['search_cpu_ms']:.0f} ms",
+         f"{row['device_bytes'] / 1e6:.0f} MB"]
         for row in values("sizes")["rows"]])
 
 
+STAGES = {"project": "picture", "bin_emit": "picture", "splat": "picture", "splat_flow": "sums, flow"}
+
+
 def stages():
-    """Milliseconds of each stage by size, and how much they grow if there are four times the pixels."""
+    """Milliseconds of the longest stages by size."""
     found = values("stages")
-    names = list(found)
 
-    def row(text, of):
-        ms = [of(found[name]) for name in names]
-        growth = [f"{after / before:.1f}" if before >= 0.05 else "–" for before, after in zip(ms, ms[1:])]
-        return [*text, *[f"{value:.2f}" for value in ms], ", ".join(growth)]
-
-    def stage(job, name):
-        return lambda size: next((s["ms"] for s in size["stages"] if (s["job"], s["name"]) == (job, name)), 0.0)
-    rows = [row([f"`{s['name']}`", JOBS[s["job"]]], stage(s["job"], s["name"]))
-            for s in found[names[0]]["stages"] if s["job"] in JOBS]
-    whole = [row(["a forward render", ""], lambda size: size["forward_render_ms"]),
-             row(["a steady frame, without coding", ""], lambda size: size["frame_ms"])]
-    return table(["stage", "of", *[f"{name} wide, ms" for name in names], "times as long"], rows + whole)
+    def stage(name):
+        return lambda size: next(s["ms"] for s in size["stages"] if (s["job"], s["name"]) == (STAGES[name], name))
+    rows = [(f"`{name}`", stage(name)) for name in STAGES]
+    rows += [("a forward render", lambda size: size["forward_render_ms"]),
+             ("a steady frame, without coding", lambda size: size["frame_ms"])]
+    return table(["stage", *[f"{name} wide, ms" for name in found]], [
+        [text, *[f"{of(size):.1f}" for size in found.values()]] for text, of in rows])
 
 
 def coder_cpu():
-    return table(["size", "rate", "payload, bytes", "encode", "decode"], [
-        [f"{at['width']}×{at['height']}", at["rate"], f"{at['payload_bytes']:.0f}", f"{at['encode_cpu_ms']:.0f} ms",
-         f"{at['decode_cpu_ms']:.0f} ms"] for row in values("sizes")["rows"] for at in row["coder"]])
+    """CPU milliseconds of the coder, encode and decode, by rate and size."""
+    found = values("sizes")["rows"]
+    return table(["rate", *[f"{row['width']}×{row['height']}" for row in found]], [
+        [rate["rate"], *[f"{at['encode_cpu_ms']:.0f}, {at['decode_cpu_ms']:.0f}" for at in of_rate]]
+        for rate, *of_rate in zip(found[0]["coder"], *(row["coder"] for row in found))])
 
 
 def sites():
@@ -92,9 +89,9 @@ def link_losses():
 
 def link_modes():
     runs = values("link")["runs"]
-    named = {"loss-64-1": "none (all-intra)", "keys": "the last key frame, every 8 (`keys`)",
-             "layers": "layers of four, a key every 16 (`layers`)",
-             "chain": "the frame before, a key every 16 (`chain`)"}
+    named = {"loss-64-1": "none (all-intra)", "keys": "the last intra frame, every 8 (`keys`)",
+             "layers": "layers of four, an intra frame every 16 (`layers`)",
+             "chain": "the frame before, an intra frame every 16 (`chain`)"}
     shown = [0.0, 0.05, 0.2]
     return table(["frames are predicted from", *[percent(loss) for loss in shown]], [
         [text, *[f"{run['shown_psnr']:.2f} dB" for run in runs[name] if run["loss"] in shown]]

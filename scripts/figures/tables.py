@@ -16,6 +16,7 @@ import measurements
 import results
 from results import ROOT, Problem
 
+EXPERIMENTS = sorted((ROOT / "docs/experiments").glob("*.md"))
 REGION = re.compile(r"(<!-- table ([a-z0-9-]+) -->\n)(.*?)(<!-- end of table -->)", re.DOTALL)
 
 
@@ -50,7 +51,7 @@ def main():
     if sys.argv[1:] and not check:
         raise Problem("the only argument is check")
     shown, changed = set(), []
-    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]:
+    for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *EXPERIMENTS]:
         text = rebuilt(path, shown)
         if text != path.read_text():
             changed.append(path)

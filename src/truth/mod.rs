@@ -21,7 +21,7 @@
 //! threshold. Such a block stays as seen if what came has changed no window of the render by more than the other fifth.
 //! Then no window can be off by more than the threshold. All other blocks are then not seen.
 //!
-//! The map's bytes, and the chances of its bits: `docs/format/truth.md`.
+//! The map's bytes, and the chances of its bits: `docs/format/packet.md`.
 //!
 //! If the last key map that is held is not the one that a map is predicted from, the map is lost: all blocks are not
 //! seen. So a packet that is lost costs no other packet its map, unless it held a key map.

@@ -14,7 +14,7 @@ use nvsprior_lab::device_report::{self, Bounds, Frame, Subject, devices};
 /// Compares the device's pictures with the host's, as `verify-device` does. Then measures the device's ceilings and, on
 /// the demo's scene at 320×180 and 640×360, its time by stage beside ceilings and prediction, the search, the coding
 /// for 300 and 1000 bytes, and memory. Writes report.json and index.html, and prints them. What cannot be measured is
-/// named. With --table it measures nothing: it prints the table of docs/devices.md from such reports.
+/// named. With --table it measures nothing: it prints the table of docs/latency.md from such reports.
 ///
 /// Exit codes: 0 all measured and the device is portable, 1 not portable or something failed, 2 wrong usage. The report
 /// is written in the first two cases.
@@ -27,7 +27,7 @@ pub struct Args {
     bounds: Bounds,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Reports to make the table of docs/devices.md from, a row for each
+    /// Reports to make the table of docs/latency.md from, a row for each
     #[arg(long, value_name = "JSON", num_args = 1.., conflicts_with_all = ["out", "device"])]
     table: Vec<PathBuf>,
     /// Writes the table into this document

@@ -1,5 +1,5 @@
 //! Formulas for what each stage reads, writes and calculates, and for how long that should take on a little known
-//! device. `docs/latency.md` has the formulas as a table.
+//! device. `docs/experiments/stages.md` has the formulas as a table.
 //!
 //! Bytes are those of the algorithm. Each word that an invocation asks for counts, whether a cache has it or not; words
 //! that a workgroup shares count once. Operations are sums, products, divisions, roots, minima, comparisons that choose

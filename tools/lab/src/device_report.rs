@@ -1,4 +1,4 @@
-//! `nvsprior device-report`: all that is measured of a device in some minutes, in one report: `docs/devices.md`.
+//! `nvsprior device-report`: all that is measured of a device in some minutes, in one report: `docs/latency.md`.
 
 mod coding;
 pub mod devices;

@@ -1,5 +1,6 @@
 //! `make gpu-check`: what a GPU's compiler makes of the engine's pipelines, without a GPU. Mesa's RADV compiles for a
-//! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device: `docs/gpu.md`.
+//! GPU that is not in the machine, at subgroups of 32 and of 64. Nothing is submitted to that device:
+//! `docs/latency.md`.
 
 mod lanes;
 mod row;
@@ -20,14 +21,14 @@ use table::Comparison;
 /// Ask a GPU's compiler about the engine's pipelines, without a GPU
 ///
 /// Writes target/gpu-check/report.json. Fails if a pipeline spills registers, if it leaves lanes idle and is no known
-/// exception, or if the figures are not those of docs/gpu.md.
+/// exception, or if the figures are not those of docs/experiments/gpu-check.md.
 #[derive(clap::Parser)]
 pub struct Args {
-    /// Writes the table of docs/gpu.md anew
+    /// Writes the table of docs/experiments/gpu-check.md anew
     #[arg(long)]
     renew: bool,
     /// The document with the table
-    #[arg(long, value_name = "FILE", default_value = "docs/gpu.md")]
+    #[arg(long, value_name = "FILE", default_value = "docs/experiments/gpu-check.md")]
     document: PathBuf,
     /// The folder that report.json is written to
     #[arg(long, value_name = "DIR", default_value = "target/gpu-check")]

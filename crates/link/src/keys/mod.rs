@@ -2,7 +2,7 @@
 //!
 //! Both sides hold a [`Key`]. What is sent gets a number and a tag in front, which [`Authenticator`] makes, and
 //! [`Verifier`] checks them before anything else is read: it refuses what was made without the key, and what came
-//! before. The bytes: `docs/format/keys.md`. What that promises and what not: `docs/security.md`.
+//! before. The bytes: `docs/format/modem.md`. What that promises and what not: `docs/security.md`.
 //!
 //! The tag is BLAKE3 with a key, cut to [`Keys::tag_bytes`]. It covers the content, its kind, its stream, its number
 //! and the epoch. A side counts numbers on for as long as an epoch lasts. Of a number fourteen bits travel; the epoch

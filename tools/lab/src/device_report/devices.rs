@@ -1,4 +1,4 @@
-//! The table of `docs/devices.md`: a row for each report.
+//! The table of `docs/latency.md`: a row for each report.
 
 use std::path::{Path, PathBuf};
 
@@ -144,8 +144,8 @@ mod tests {
         let files = std::fs::read_dir(docs.join("devices")).unwrap();
         let mut files: Vec<_> = files.map(|file| file.unwrap().path()).collect();
         files.sort();
-        let page = std::fs::read_to_string(docs.join("devices.md")).unwrap();
+        let page = std::fs::read_to_string(docs.join("latency.md")).unwrap();
         let held = between(&page, BEGIN, END).unwrap();
-        assert_eq!(held, section(&files).unwrap(), "docs/devices.md says how to renew it");
+        assert_eq!(held, section(&files).unwrap(), "docs/latency.md says how to renew it");
     }
 }

@@ -1,4 +1,4 @@
-//! The report as the table of `docs/gpu.md`, and the comparison of the two.
+//! The report as the table of `docs/experiments/gpu-check.md`, and the comparison of the two.
 
 use super::row::Row;
 use crate::report::{Table, between, fixed};

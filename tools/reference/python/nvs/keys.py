@@ -1,4 +1,4 @@
-"""Numbers and tags of what is keyed: docs/format/keys.md."""
+"""Numbers and tags of what is keyed: docs/format/modem.md."""
 
 import struct
 

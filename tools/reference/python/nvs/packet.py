@@ -321,7 +321,7 @@ def read_residual(packet):
 
 
 def map_end(content):
-    """Where a truth map ends: docs/format/truth.md."""
+    """Where a truth map ends: docs/format/packet.md."""
     if not content:
         return None
     if not content[0] & 3:

@@ -1,4 +1,4 @@
-"""Streams: docs/format/stream.md."""
+"""Streams: docs/format/residual.md."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""Truth maps: docs/format/truth.md."""
+"""Truth maps: docs/format/packet.md."""
 
 import re
 from pathlib import Path
@@ -8,11 +8,11 @@ import numpy as np
 from .bits import RangeDecoder
 
 THRESHOLDS = [16, 12, 20, 8]
-TEXT = (Path(__file__).resolve().parents[4] / "docs/format/truth.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).resolve().parents[4] / "docs/format/chances.txt").read_text(encoding="utf-8")
 
 
 def _chances(name):
-    body = re.search(rf"^    {name} =\n((?:      [\d ]+\n)+)", TEXT, re.M).group(1)
+    body = re.search(rf"^{name} =\n((?:  [\d ]+\n)+)", TEXT, re.M).group(1)
     return [int(v) for v in body.split()]
 
 

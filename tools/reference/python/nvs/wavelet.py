@@ -185,7 +185,7 @@ def adaptive_bit(decoder, chance):
 
 
 class DisplacedBlocks:
-    """docs/format/stream.md, "Displaced blocks"."""
+    """docs/format/residual.md, "Displaced blocks"."""
 
     def __init__(self, width, height, decoder):
         self.width, self.height = width, height
@@ -334,7 +334,7 @@ class Frame:
                     part[y, x] = (16 * some.sum() + some.size // 2) // some.size
 
     def _inter(self):
-        """docs/format/stream.md, "Prediction"."""
+        """docs/format/residual.md, "Prediction"."""
         decoder, geometry = self.decoder, self.geometry
         age, low_plain = decoder.plain(3), decoder.bit(4096)
         blocks = np.ones((geometry.rows, geometry.columns), bool)
