@@ -1,7 +1,7 @@
 //! A simulated acoustic channel.
 
 use nvsprior::modem::Loss;
-use nvsprior_link::channel::{Channel, ChannelOptions};
+use nvsprior_channel::channel::{Channel, ChannelOptions};
 use pyo3::prelude::*;
 
 use crate::errors::Failure;

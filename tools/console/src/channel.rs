@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use nvsprior::modem::Loss;
 use nvsprior_inputs::values::{self, WrongUsage};
-use nvsprior_link::channel::{Channel, ChannelOptions};
+use nvsprior_channel::channel::{Channel, ChannelOptions};
 
 use crate::endpoint::{self, DATAGRAM};
 

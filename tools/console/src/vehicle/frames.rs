@@ -8,7 +8,7 @@ use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Picture};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
-use nvsprior_link::forth_and_back;
+use nvsprior_channel::forth_and_back;
 
 /// The size of raw frames: `WxH`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use nvsprior::random::Random;
 use nvsprior::tracking::{FrameInfo, Hint};
 use nvsprior::{EncoderOptions, Picture, Prior};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, PRIOR, Run};
-use nvsprior_link::forth_and_back;
+use nvsprior_channel::forth_and_back;
 
 use super::*;
 

@@ -7,7 +7,7 @@ use std::sync::mpsc::sync_channel;
 
 use nvsprior::link::{CameraFrame, STAMP_PERIOD as PERIOD, Vehicle};
 use nvsprior::tracking::{FrameInfo, Hint};
-use nvsprior_link::forth_and_back;
+use nvsprior_channel::forth_and_back;
 
 use super::*;
 use crate::console::event::EVENTS;

@@ -5,7 +5,7 @@ mod unit;
 
 use clap::ValueEnum;
 use nvsprior::Picture;
-use nvsprior_link::channel::Channel;
+use nvsprior_channel::channel::Channel;
 use serde::Serialize;
 
 use super::Setting;

@@ -26,7 +26,7 @@ use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
-use nvsprior_link::channel::ChannelOptions;
+use nvsprior_channel::channel::ChannelOptions;
 
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
