@@ -26,8 +26,8 @@ use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
-use nvsprior_channel::channel::ChannelOptions;
 
+use crate::channel::ChannelOptions;
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
 use report::LinkRun;
@@ -59,25 +59,12 @@ pub struct Args {
     tune: TuneArgs,
     #[command(flatten)]
     key: KeyArgs,
-    /// Also tell the PSNR inside and outside of what the prior does not show: where the frames differ from its render,
-    /// at the poses of the camera file
-    #[arg(long)]
-    region: bool,
-    /// Pictures are so wide from a frame of the run on, counted from 0: the size changes in flight. Before it they have
-    /// --width. Several with commas between them. PSNR is that at the size that is shown
-    #[arg(long, value_name = "FRAME:WIDTH", value_delimiter = ',', conflicts_with_all = ["region", "beside"])]
-    width_from: Vec<WidthFrom>,
     /// Folder for what the pilot sees of each frame, at the first --loss: NUMBER.png
-    #[arg(long, value_name = "DIR")]
-    frames_out: Option<PathBuf>,
+    #[arg(long, alias = "frames-out", value_name = "DIR")]
+    pictures: Option<PathBuf>,
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = values::rate)]
     fps: f64,
-    /// Also send the frames by a video coder, over the same channel, with the same part of the bytes as parity. Shows
-    /// the best of all its frame rates and qualities. Its first picture is there from the start, at no cost. Needs
-    /// ffmpeg
-    #[arg(long, value_enum, value_name = "CODER", value_delimiter = ',')]
-    beside: Vec<Coder>,
     /// Length of the run [default: as many frames as there are]
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
     seconds: Option<f64>,
@@ -94,7 +81,7 @@ pub struct Args {
 /// The channel, and how it is used.
 #[derive(clap::Args)]
 struct LinkArgs {
-    /// A modem: sets --bit-rate, --mtu and --propagation unless they are given
+    /// A modem: sets --bit-rate, --mtu and --delay unless they are given
     #[arg(long, value_enum)]
     preset: Option<Preset>,
     /// Bits per second [default: 5000]
@@ -107,14 +94,53 @@ struct LinkArgs {
     #[arg(long, value_name = "BYTES", default_value_t = 0)]
     overhead: usize,
     /// Seconds from vehicle to topside [default: 0.1]
-    #[arg(long, value_name = "S", value_parser = values::not_negative)]
-    propagation: Option<f64>,
+    #[arg(long, alias = "propagation", value_name = "S", value_parser = values::not_negative)]
+    delay: Option<f64>,
     /// Chance that a modem frame is lost, 0 up to but not 1; several with commas between them
     #[arg(long, value_name = "X", value_delimiter = ',', default_value = "0", value_parser = values::not_negative)]
     loss: Vec<f64>,
     /// Mean number of modem frames that are lost in a row
     #[arg(long, value_name = "N", default_value_t = 1.0, value_parser = values::not_negative)]
     burst: f64,
+    /// Loss that the vehicle protects its packets against at first [default: --loss]
+    #[arg(long, value_name = "X", value_parser = values::not_negative)]
+    assume_loss: Option<f64>,
+    /// There is a return channel: once a second the topside says what came, and the vehicle knows it so many seconds
+    /// later. It then measures the loss, and sends again what a picture still lacks
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    return_delay: Option<f64>,
+    /// Seconds from exposure to display [default: 1.5, more on a link that needs more for a picture of --least bytes]
+    #[arg(long, value_name = "S", value_parser = values::rate)]
+    latency: Option<f64>,
+    /// Most pictures per second [default: --fps]
+    #[arg(long, value_name = "N", value_parser = values::rate)]
+    frame_rate: Option<f64>,
+    /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the
+    /// frame rate falls before quality does [default: 40; those of the prior at a pose, 24, if the link does not carry
+    /// 40 bytes in time]
+    #[arg(long = "least", value_name = "BYTES")]
+    min_bytes: Option<usize>,
+    /// Seed of the channel's losses
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+}
+
+/// What only the laboratory asks of a link: `nvsprior-lab link`.
+#[derive(Default, clap::Args)]
+pub struct LabArgs {
+    /// Also tell the PSNR inside and outside of what the prior does not show: where the frames differ from its render,
+    /// at the poses of the camera file
+    #[arg(long)]
+    region: bool,
+    /// Pictures are so wide from a frame of the run on, counted from 0: the size changes in flight. Before it they have
+    /// --width. Several with commas between them. PSNR is that at the size that is shown
+    #[arg(long, value_name = "FRAME:WIDTH", value_delimiter = ',', conflicts_with_all = ["region", "beside"])]
+    width_from: Vec<WidthFrom>,
+    /// Also send the frames by a video coder, over the same channel, with the same part of the bytes as parity. Shows
+    /// the best of all its frame rates and qualities. Its first picture is there from the start, at no cost. Needs
+    /// ffmpeg
+    #[arg(long, value_enum, value_name = "CODER", value_delimiter = ',')]
+    beside: Vec<Coder>,
     /// Seconds from a packet's first modem frame to its last one; those of other packets lie between them [default:
     /// half of what the latency leaves, 0 without loss]
     #[arg(long, value_name = "S", value_parser = values::not_negative)]
@@ -125,36 +151,18 @@ struct LinkArgs {
     /// Nothing arrives for so long, from the middle of the run on
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = values::not_negative)]
     blackout: f64,
-    /// Loss that the vehicle protects its packets against at first [default: --loss]
-    #[arg(long, value_name = "X", value_parser = values::not_negative)]
-    assume_loss: Option<f64>,
-    /// There is a return channel: once a second the topside says what came, and the vehicle knows it so many seconds
-    /// later. It then measures the loss, and sends again what a picture still lacks
-    #[arg(long, value_name = "S", value_parser = values::not_negative)]
-    return_delay: Option<f64>,
-    /// Seconds between two reports of the topside
-    #[arg(long, value_name = "S", default_value_t = 1.0, requires = "return_delay", value_parser = values::rate)]
-    report_every: f64,
+    /// Seconds between two reports of the topside [default: 1]
+    #[arg(long, value_name = "S", requires = "return_delay", value_parser = values::rate)]
+    report_every: Option<f64>,
     /// State all poses in full, even if the topside holds others that they could be predicted from
     #[arg(long)]
     state_poses: bool,
     /// What the topside sends takes the channel from the vehicle
     #[arg(long, requires = "return_delay")]
     half_duplex: bool,
-    /// Seconds from exposure to display [default: 1.5, more on a link that needs more for a picture of --least bytes]
-    #[arg(long, value_name = "S", value_parser = values::rate)]
-    latency: Option<f64>,
-    /// Seconds of that for search, coding and decoding
-    #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = values::not_negative)]
-    coding: f64,
-    /// Most pictures per second [default: --fps]
-    #[arg(long, value_name = "N", value_parser = values::rate)]
-    frame_rate: Option<f64>,
-    /// Fewest bytes for a picture, all counted: below it frames are left out. As many as a good picture takes: the
-    /// frame rate falls before quality does [default: 40; those of the prior at a pose, 24, if the link does not carry
-    /// 40 bytes in time]
-    #[arg(long = "least", value_name = "BYTES")]
-    min_bytes: Option<usize>,
+    /// Seconds of --latency for search, coding and decoding [default: 0.1]
+    #[arg(long, value_name = "S", value_parser = values::not_negative)]
+    coding: Option<f64>,
     /// Most modem frames of a packet [default: as many as MTU and rate take, 16 to 64]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     shares: Option<u16>,
@@ -162,9 +170,6 @@ struct LinkArgs {
     /// when one can go. It has no bit rate of its own then
     #[arg(long, value_name = "PART", value_parser = values::part)]
     pull: Option<f64>,
-    /// Seed of the channel's losses
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
 }
 
 /// Links that are known.
@@ -212,6 +217,8 @@ struct Setting {
 /// Bytes of a good picture, and of the prior at a pose, all counted.
 const GOOD_PICTURE: usize = 40;
 const BARE_PICTURE: usize = 24;
+/// Seconds for search, coding and decoding.
+const CODING: f64 = 0.1;
 /// Seconds from exposure to display.
 const LATENCY: f64 = 1.5;
 /// Packets that the topside holds.
@@ -243,6 +250,7 @@ impl LinkArgs {
         mode: Mode,
         keys: Option<&Keys>,
         args: &Args,
+        lab: &LabArgs,
     ) -> Result<Setting, LinkError> {
         let fps = args.fps;
         let (bit_rate, mtu, propagation) = match self.preset {
@@ -253,8 +261,9 @@ impl LinkArgs {
         let loss = Loss { chance, burst: self.burst };
         loss.check()?;
         let assumed = Loss { chance: self.assume_loss.unwrap_or(chance), ..loss };
-        let propagation = self.propagation.unwrap_or(propagation);
-        let (bit_rate, delay) = (self.bit_rate.unwrap_or(bit_rate), self.coding + propagation);
+        let propagation = self.delay.unwrap_or(propagation);
+        let coding = lab.coding.unwrap_or(CODING);
+        let (bit_rate, delay) = (self.bit_rate.unwrap_or(bit_rate), coding + propagation);
         let spread = if assumed.chance > 0.0 { 0.5 } else { 0.0 };
         let (min_bytes, latency) = self.least_and_latency(bit_rate, delay, 1.0 - spread);
         let spread = spread * (latency - delay).max(0.0);
@@ -266,22 +275,22 @@ impl LinkArgs {
             overhead: self.overhead,
             propagation,
             loss,
-            reorder: self.reorder,
-            blackout: self.blackout,
+            reorder: lab.reorder,
+            blackout: lab.blackout,
             assumed,
-            spread: self.spread.unwrap_or(spread),
+            spread: lab.spread.unwrap_or(spread),
             return_delay: self.return_delay,
-            report_every: self.report_every,
-            predict_poses: !self.state_poses,
-            half_duplex: self.half_duplex,
+            report_every: lab.report_every.unwrap_or(1.0),
+            predict_poses: !lab.state_poses,
+            half_duplex: lab.half_duplex,
             keys: keys.cloned(),
             latency,
-            coding: self.coding,
+            coding,
             fps,
             frame_rate: self.frame_rate.unwrap_or(fps),
             min_bytes,
-            shares: self.shares.map(usize::from),
-            pull: self.pull,
+            shares: lab.shares.map(usize::from),
+            pull: lab.pull,
             seed: self.seed,
         };
         VehicleLink::new(&setting.vehicle())?;
@@ -363,21 +372,26 @@ impl Setting {
 
 impl Args {
     /// One setting for each loss.
-    fn settings(&self, mode: Mode, keys: Option<&Keys>) -> Result<Vec<Setting>, WrongUsage> {
+    fn settings(
+        &self,
+        mode: Mode,
+        keys: Option<&Keys>,
+        lab: &LabArgs,
+    ) -> Result<Vec<Setting>, WrongUsage> {
         let losses = self.link.loss.iter();
         let settings: Result<_, LinkError> =
-            losses.map(|loss| self.link.setting(*loss, mode, keys, self)).collect();
+            losses.map(|loss| self.link.setting(*loss, mode, keys, self, lab)).collect();
         settings.map_err(|error| WrongUsage(error.to_string()))
     }
 }
 
 /// Reads the frames at all sizes that they are sent at.
-fn footage(args: &Args, preprocessor: &mut Preprocessor) -> anyhow::Result<Footage> {
+fn footage(args: &Args, lab: &LabArgs, preprocessor: &mut Preprocessor) -> anyhow::Result<Footage> {
     let inputs = args.input.frames()?;
     let first = inputs[0].external;
     let mut sizes = vec![(0, AtSize::read(&inputs, preprocessor)?)];
     let widest = inputs[0].camera.width;
-    let mut changes = args.width_from.clone();
+    let mut changes = lab.width_from.clone();
     changes.sort_by_key(|change| change.frame);
     for WidthFrom { frame, width } in changes {
         if width > widest {
@@ -391,24 +405,24 @@ fn footage(args: &Args, preprocessor: &mut Preprocessor) -> anyhow::Result<Foota
 }
 
 /// Simulates, prints and writes the report.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args, lab: &LabArgs) -> anyhow::Result<()> {
     let mode = args.mode.mode(args.link.return_delay.is_some())?;
     let keys = args.key.open()?;
-    let settings = args.settings(mode, keys.as_ref())?;
-    args.beside.iter().try_for_each(|coder| coder.check())?;
+    let settings = args.settings(mode, keys.as_ref(), lab)?;
+    lab.beside.iter().try_for_each(|coder| coder.check())?;
     values::make_folder("--report", &args.report)?;
-    if let Some(folder) = &args.frames_out {
-        values::make_folder("--frames-out", folder)?;
+    if let Some(folder) = &args.pictures {
+        values::make_folder("--pictures", folder)?;
     }
     let inputs = args.input.frames()?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
-    let mut footage = footage(args, &mut Preprocessor::new(scene.preprocessing()))?;
+    let mut footage = footage(args, lab, &mut Preprocessor::new(scene.preprocessing()))?;
     let frames = match args.seconds {
         Some(seconds) => ((seconds * args.fps) as usize).max(1),
         None => footage.len(),
     };
-    if args.region {
+    if lab.region {
         let AtSize { camera, pictures } = &footage.sizes[0].1;
         let frames = pictures.iter().zip(inputs.iter().map(|input| input.known));
         footage.regions = Region::of_all(&engine, &scene, camera, frames)?;
@@ -417,12 +431,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut runs: Vec<LinkRun> = Vec::new();
     for setting in settings {
         let mut simulation = Simulation::new(&engine, &scene, &footage, setting, args.threshold)?;
-        simulation.frames_out = args.frames_out.as_deref().filter(|_| runs.is_empty());
+        simulation.frames_out = args.pictures.as_deref().filter(|_| runs.is_empty());
         runs.push(simulation.run(frames, || bar.inc(1))?);
     }
     bar.finish_and_clear();
     let shown: Vec<_> = (0..frames).map(|frame| footage.picture(frame)).collect();
-    for coder in &args.beside {
+    for coder in &lab.beside {
         compare(*coder, &shown, args.fps, &mut runs)?;
     }
     report::print(&runs);

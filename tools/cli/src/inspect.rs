@@ -10,8 +10,8 @@ use nvsprior::filter_weights::FilterWeights;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 use nvsprior::prior::PoseTrials;
 
-use crate::key_frames;
 use crate::mission::MissionArgs;
+use crate::prior::key_frames;
 use crate::{record, row};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use nvsprior::modem::Loss;
-use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_channel::channel::{Channel, ChannelOptions};
+use nvsprior_inputs::values::{self, WrongUsage};
 
 use crate::endpoint::{self, DATAGRAM};
 

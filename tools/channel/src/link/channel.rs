@@ -1,6 +1,6 @@
 //! The simulated channel, and how much it carried when.
 
-use nvsprior_channel::channel::{Channel, Sent};
+use crate::channel::{Channel, Sent};
 
 use super::Setting;
 

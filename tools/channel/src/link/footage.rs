@@ -2,13 +2,13 @@
 
 use std::str::FromStr;
 
+use crate::forth_and_back;
 use anyhow::Context as _;
 use nvsprior::image::Preprocessor;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Picture};
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::Input;
-use nvsprior_channel::forth_and_back;
 
 use super::region::Region;
 

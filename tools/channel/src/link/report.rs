@@ -10,7 +10,7 @@ use super::Setting;
 use super::region::RegionPsnr;
 use super::sent::{PacketBytes, SentPacket};
 use super::video::Beside;
-use crate::report::{Table, fixed, write_json};
+use nvsprior_inputs::report::{Table, fixed, write_json};
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {

@@ -3,9 +3,9 @@
 mod coder;
 mod unit;
 
+use crate::channel::Channel;
 use clap::ValueEnum;
 use nvsprior::Picture;
-use nvsprior_channel::channel::Channel;
 use serde::Serialize;
 
 use super::Setting;

@@ -6,9 +6,9 @@ use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use anyhow::Context;
 use nvsprior::tracking::FrameInfo;
 use nvsprior::{Camera, Picture};
+use nvsprior_channel::forth_and_back;
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::{Input, InputArgs};
-use nvsprior_channel::forth_and_back;
 
 /// The size of raw frames: `WxH`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,4 +1,4 @@
-//! `nvsprior bench --codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
+//! `nvsprior-lab codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
 
 pub mod affine;
 mod alike;
@@ -20,6 +20,7 @@ use nvsprior::residual::Tune;
 use nvsprior::{EncoderOptions, Picture, Pose};
 use nvsprior_inputs::args::{progress, with_progress};
 
+use super::RunArgs;
 use super::context::{Context, Shot};
 use super::perturbed::{NEAR, steps};
 use external::External;
@@ -28,32 +29,35 @@ use point::{Input, Mode, Point};
 use report::Missing;
 use run::{Beside, CodedRun, Run};
 
-/// `bench --codecs` and what it takes.
+/// Measure the wavelet coder and others, on the frames and on the difference pictures
+///
+/// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
+/// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
+/// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
+/// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
+/// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
+/// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv and codecs.svg.
 #[derive(clap::Args)]
-pub struct CodecsArgs {
-    /// Measure only the wavelet coder and others, on the frames and on the difference pictures
-    ///
-    /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
-    /// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
-    /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
-    /// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
-    /// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
-    /// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv and codecs.svg.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
-    pub codecs: bool,
-    /// With `--codecs`: only difference pictures, each coded by itself
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
+    /// Only difference pictures, each coded by itself
     ///
     /// Leaves out whole frames, streams and warps, on which the slowest coders take hours.
-    #[arg(long, requires = "codecs")]
-    pub differences: bool,
+    #[arg(long)]
+    differences: bool,
 }
 
 /// Seed of the poses that an estimator would give.
 const SEED: u64 = 1;
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(args: &CodecsArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    context.one_size("--codecs")?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| measure(args, context, folder))
+}
+
+fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    context.one_size("this command")?;
     let found = found(context, context.options())?;
     let (poses, beside) = (found.poses, Beside::default());
     let frames = context.shots.iter().map(|shot| shot.picture.clone()).collect();

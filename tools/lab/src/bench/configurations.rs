@@ -7,8 +7,8 @@ use nvsprior::{EncoderOptions, Prior};
 use serde::Serialize;
 
 use super::context::{Context, OptimizerRun, Sample};
-use super::statistics::Spread;
 use super::steady;
+use nvsprior_inputs::statistics::Spread;
 
 /// Loss that a recommended setting may have, dB in the median.
 const LOSS: f64 = 0.05;

@@ -1,4 +1,4 @@
-//! `nvsprior bench --paper`: the paper's tables, row by row, on any frames.
+//! `nvsprior-lab paper bench`: the paper's tables, row by row, on any frames.
 
 mod coders;
 mod equal;
@@ -20,8 +20,9 @@ use anyhow::Context as _;
 use nvsprior::packet::PoseProfile;
 use nvsprior::tracking::Optimizer;
 use nvsprior::{EncoderOptions, Pose};
-use nvsprior_inputs::input::{InputArgs, starts_file};
+use nvsprior_inputs::input::starts_file;
 
+use super::RunArgs;
 use super::codecs::run::{Beside, Run};
 use super::codecs::{Found, affine, found};
 use super::context::Context;
@@ -30,34 +31,23 @@ use learned::Learned;
 use methods::Methods;
 use row::Entry;
 
-/// `bench --paper` and what it takes.
+/// Measure the methods of the paper's tables, and the program's own
+///
+/// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and pose
+/// estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned). Methods that
+/// cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with what the paper
+/// reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given with --starts holds
+/// the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
 #[derive(clap::Args)]
-pub struct PaperArgs {
-    /// Measure only the methods of the paper's tables, and the program's own
-    ///
-    /// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and
-    /// pose estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned).
-    /// Methods that cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with
-    /// what the paper reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given
-    /// with --starts holds the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs"])]
-    pub paper: bool,
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
     /// Folder of what learned coders made of exchange/, as `tools/paper` writes it
-    #[arg(long, value_name = "DIR", requires = "paper")]
+    #[arg(long, value_name = "DIR")]
     learned: Option<PathBuf>,
     /// Only N frames, spread evenly over the run
-    #[arg(long, value_name = "N", requires = "paper")]
+    #[arg(long, value_name = "N")]
     frames: Option<NonZeroUsize>,
-}
-
-impl PaperArgs {
-    /// What `--starts` says to the encoder: a file of starts is for a row of its own.
-    pub fn starts<'a>(&self, input: &'a InputArgs) -> &'a str {
-        match starts_file(&input.starts) {
-            Some(_) if self.paper => "first",
-            _ => &input.starts,
-        }
-    }
 }
 
 pub struct Set {
@@ -70,13 +60,16 @@ pub struct Set {
 const POSE_BYTES: f64 = 28.0;
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(
-    args: &PaperArgs,
-    input: &InputArgs,
-    context: &mut Context,
-    folder: &Path,
-) -> anyhow::Result<()> {
-    context.one_size("--paper")?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    // A file of starts is for a row of its own, and not for the encoder.
+    let starts = &args.run.input.starts;
+    let told = if starts_file(starts).is_some() { "first" } else { starts };
+    args.run.measured_from(told, |context, folder| measure(args, context, folder))
+}
+
+fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    context.one_size("this command")?;
+    let input = &args.run.input;
     if let Some(count) = args.frames {
         spread(context, count.get());
     }

@@ -10,7 +10,7 @@ use nvsprior::{Camera, Decoder, Packet, Picture, Pose, Rate};
 use super::pace::Pace;
 use super::schema::Coding;
 use crate::bench::context::{Context, Shot};
-use crate::bench::statistics::Spread;
+use nvsprior_inputs::statistics::Spread;
 
 /// A frame's pose, and how long the search for it took, if there was one.
 pub struct Found {

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context as _;
 
 use super::case::{Bench, Row, Section, Table};
-use crate::report;
+use nvsprior_inputs::report;
 
 const HEADER: [&str; 11] = [
     "case",

@@ -7,7 +7,7 @@ use nvsprior::Picture;
 
 use super::Coder;
 use super::unit::{self, Units};
-use crate::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV};
+use nvsprior_inputs::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV};
 
 /// Seconds within which all of a picture is refreshed.
 const REFRESH: f64 = 2.0;

@@ -2,7 +2,7 @@
 
 use anyhow::ensure;
 
-use crate::ffmpeg;
+use nvsprior_inputs::ffmpeg;
 
 /// A coded stream: what all pictures need, and the unit of each picture.
 #[derive(Debug, PartialEq)]

@@ -10,7 +10,7 @@ use nvsprior::residual::{
 };
 
 use super::run::Run;
-use crate::report::{Table, fixed};
+use nvsprior_inputs::report::{Table, fixed};
 
 /// WebP's qualities. Each gives a frame's bytes, with which the wavelet coder must do.
 pub const QUALITIES: [f32; 9] = [0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0];

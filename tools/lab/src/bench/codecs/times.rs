@@ -10,10 +10,10 @@ use nvsprior::residual::{
 };
 
 use super::super::context::Context;
-use super::super::statistics::{Spread, median};
 use super::run::Run;
 use super::timed;
-use crate::report::{Table, fixed};
+use nvsprior_inputs::report::{Table, fixed};
+use nvsprior_inputs::statistics::{Spread, median};
 
 /// What is measured: a quality is one coding, a budget and a PSNR are searches.
 pub const RATES: [(&str, Rate); 10] = [

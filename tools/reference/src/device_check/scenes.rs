@@ -7,7 +7,7 @@ use nvsprior::render::definition::Definition;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 use nvsprior_kernels::search::PoseCode;
 
-use crate::stability::extremes::Extreme;
+use crate::extreme::Extreme;
 
 /// Check sums (CRC-32) of what the host draws of the first scenes; 0 if a scene has no valid splat.
 pub const GOLDEN: [u32; 16] = [

@@ -1,4 +1,4 @@
-//! Which runs the demo draws, and drawing them into folders.
+//! Which runs are drawn, and drawing them into folders.
 
 use std::path::Path;
 
@@ -12,14 +12,13 @@ use super::rig::{CourseArg, ONLY_TOWER, RigArgs};
 /// What is drawn.
 #[derive(clap::Args)]
 pub struct SceneArgs {
-    /// Which scene, basin if none is named. Quay, row and tower have no prior yet: T3, T6 and T7, their inspection
-    /// runs, are drawn, and not encoded
+    /// Which scene [default: that of --run, else the basin]
     #[arg(long, value_enum, value_name = "SITE")]
     site: Option<SiteArg>,
     /// Only this inspection run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5
     /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay, T6 of the row, T7 of the
     /// tower
-    #[arg(long, value_name = "RUN", value_parser = run_named)]
+    #[arg(long, value_name = "RUN")]
     run: Option<Run>,
     /// Weeks since the mapping run, 0 to 520, instead of T4's 4 or T5's 26
     #[arg(long, value_name = "WEEKS", value_parser = values::weeks, requires = "run",
@@ -66,12 +65,6 @@ impl From<SiteArg> for Site {
             SiteArg::Tower => Site::Tower,
         }
     }
-}
-
-/// The run of a name.
-fn run_named(name: &str) -> Result<Run, String> {
-    let named = Run::ALL.into_iter().find(|run| run.name() == name);
-    named.ok_or_else(|| format!("no such run; there are: {}", Run::ALL.map(Run::name).join(", ")))
 }
 
 impl SceneArgs {
@@ -139,6 +132,17 @@ impl SceneArgs {
         }
         Ok(dive)
     }
+}
+
+/// Draws a dive into a folder of its run's name.
+pub fn draw_dive(out: &Path, camera: Camera, dive: Dive, frames: usize) -> anyhow::Result<()> {
+    let name = dive.run.name();
+    let bar = progress(frames, "drawing an inspection run");
+    let drawn = nvsprior_basin::dive_by(camera, dive, frames, Conditions::CALM);
+    nvsprior_basin::write_run(&out.join(name), name, camera, drawn, |_| bar.inc(1))?;
+    bar.finish_and_clear();
+    println!("the inspection run is in {}", out.join(name).display());
+    Ok(())
 }
 
 /// Draws a mapping run into a folder of its name.

@@ -1,4 +1,4 @@
-//! `nvsprior demo --video`: a survey of the quay as a video.
+//! `nvsprior-lab draw --video`: a survey of the quay as a video.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ pub struct VideoArgs {
     /// Only draws a survey of the quay as a video (MP4, 1280×720) through a lens that distorts, to map from. Where the
     /// camera was is written beside it (FILE.csv, as `encode --starts` reads it)
     #[arg(long, value_name = "FILE",
-        conflicts_with_all = ["run", "draw_only", "mapping_run", "views", "site", "width"])]
+        conflicts_with_all = ["run", "mapping_run", "views", "site", "width"])]
     video: Option<PathBuf>,
     /// Draw a later dive along a part of the survey's course, to be encoded with the survey's prior
     #[arg(long, requires = "video")]

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use crate::report::write_json;
 use nvsprior::{FrameStats, Pose};
-use nvsprior_lab::report::write_json;
 use serde_json::{Value, json};
 
 /// A frame's file name and figures.

@@ -1,4 +1,4 @@
-//! `nvsprior device-report`: all that is measured of a device, on the demo's scene.
+//! `nvsprior-lab device-report`: all that is measured of a device, on the demo's scene.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -7,11 +7,12 @@ use nvsprior::{Camera, Prior};
 use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run};
 use nvsprior_inputs::args::DeviceArgs;
 use nvsprior_inputs::values;
-use nvsprior_lab::device_report::{self, Bounds, Frame, Subject, devices};
+
+use super::{Bounds, Frame, Subject, devices};
 
 /// Measure a device within minutes: one report, one page
 ///
-/// Compares the device's pictures with the host's, as `verify-device` does. Then measures the device's ceilings and, on
+/// Compares the device's pictures with the host's, as `nvsprior devices --check` does. Then measures the device's ceilings and, on
 /// the demo's scene at 320×180 and 640×360, its time by stage beside ceilings and prediction, the search, the coding
 /// for 300 and 1000 bytes, and memory. Writes report.json and index.html, and prints them. What cannot be measured is
 /// named. With --table it measures nothing: it prints the table of docs/devices.md from such reports.
@@ -58,8 +59,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let cameras = SIZES.map(|[width, height]| CAMERA.resized(width, height));
     let subject = Subject { prior: &prior, cameras: &cameras, frames: &frames, budgets: &BUDGETS };
-    let report = device_report::measure(&args.device, &subject, args.bounds);
-    device_report::write(&report, &args.out)?;
+    let report = super::measure(&args.device, &subject, args.bounds);
+    super::write(&report, &args.out)?;
     Ok(if report.passed() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 

@@ -1,0 +1,157 @@
+//! `nvsprior-lab paper encode`.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::ValueEnum;
+use nvsprior::packet::PoseProfile;
+use nvsprior::render::Jacobian;
+use nvsprior::residual::ResidualCoder;
+use nvsprior::tracking::RefineOptions;
+use nvsprior::{Encoder, EncoderOptions, Rate};
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::summary::{self, Row};
+use nvsprior_inputs::values;
+
+use crate::args::OptimizerArg;
+use crate::bench::StartArgs;
+
+/// Encode the frames of a camera file as the paper does
+///
+/// A gradient method searches for each pose, and WebP codes the difference picture.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    #[command(flatten)]
+    start: StartArgs,
+    #[arg(long, value_enum, default_value = "bfgs")]
+    optimizer: OptimizerArg,
+    /// Pose Jacobian of gauss-newton
+    #[arg(long, value_enum, default_value = "flow")]
+    jacobian: JacobianArg,
+    /// See `nvsprior encode`
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
+    threshold: f64,
+    /// Coder of the difference picture
+    #[arg(long, value_enum, default_value = "webp")]
+    residual: ResidualArg,
+    /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
+    #[arg(long, value_enum, default_value = "compact")]
+    profile: ProfileArg,
+    /// Quality of the difference picture, 0 to 100 [default: 10]
+    #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
+    quality: Option<f32>,
+    /// Bytes of the whole packet, never exceeded
+    #[arg(long, value_name = "N", group = "rate")]
+    bytes: Option<usize>,
+    /// PSNR to reach at the least bytes, dB
+    #[arg(long, value_name = "DB", group = "rate", value_parser = values::psnr, allow_hyphen_values = true)]
+    psnr: Option<f64>,
+    /// Leave out the truth map, which the paper has not
+    #[arg(long)]
+    no_truth: bool,
+    /// Folder for the packets, NAME.nvsp; made if it is missing
+    #[arg(long, value_name = "DIR")]
+    packets: PathBuf,
+    /// Summary to write (JSON), as `nvsprior encode` writes it
+    #[arg(long, value_name = "FILE", value_parser = values::json)]
+    summary: Option<PathBuf>,
+    /// Folder for the reconstructed pictures (PNG)
+    #[arg(long, alias = "frames-out", value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum JacobianArg {
+    Flow,
+    Exact,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ResidualArg {
+    Wavelet,
+    Webp,
+    None,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ProfileArg {
+    Compact,
+    Paper,
+}
+
+impl Args {
+    fn options(&self) -> EncoderOptions {
+        let rate = match (self.bytes, self.psnr) {
+            (Some(bytes), _) => Rate::Bytes(bytes),
+            (_, Some(psnr)) => Rate::Psnr(psnr),
+            _ => Rate::Quality(self.quality.unwrap_or(10.0)),
+        };
+        let jacobian = match self.jacobian {
+            JacobianArg::Flow => Jacobian::Flow,
+            JacobianArg::Exact => Jacobian::Exact,
+        };
+        EncoderOptions {
+            refine: RefineOptions {
+                optimizer: self.optimizer.into(),
+                jacobian,
+                ..RefineOptions::default()
+            },
+            rate: (self.residual != ResidualArg::None).then_some(rate),
+            mode: nvsprior::Mode::Intra,
+            threshold: self.threshold,
+            truth: !self.no_truth,
+            profile: match self.profile {
+                ProfileArg::Compact => PoseProfile::Compact,
+                ProfileArg::Paper => PoseProfile::Paper,
+            },
+            residual: match self.residual {
+                ResidualArg::Webp => ResidualCoder::Webp,
+                ResidualArg::Wavelet | ResidualArg::None => ResidualCoder::Wavelet,
+            },
+            ..EncoderOptions::default()
+        }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let mut frames = args.input.frames()?;
+    args.start.move_first(&mut frames);
+    values::make_folder("--packets", &args.packets)?;
+    if let Some(folder) = &args.pictures {
+        values::make_folder("--pictures", folder)?;
+    }
+    if let Some(file) = &args.summary {
+        values::check_file("--summary", file)?;
+    }
+    let engine = args.device.open()?;
+    let scene = args.prior.upload(&engine)?;
+    let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, args.options())?;
+    let bar = progress(frames.len(), "encoding");
+    let mut rows = Vec::new();
+    for input in frames {
+        let (_, encoded) = input.encode(&mut encoder, &input.read()?)?;
+        let packet = args.packets.join(&input.name).with_added_extension("nvsp");
+        std::fs::write(&packet, &encoded.packet)
+            .with_context(|| format!("writing {}", packet.display()))?;
+        if let Some(folder) = &args.pictures {
+            let path = folder.join(&input.name).with_added_extension("png");
+            nvsprior_runs::write_png(&path, &encoded.picture)?;
+        }
+        let time = input.external.time;
+        rows.push(Row { file: input.file, time, pose: encoded.pose, stats: encoded.stats });
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    summary::print(&rows);
+    if let Some(path) = &args.summary {
+        summary::write(path, &rows)?;
+    }
+    args.device.check(&engine)
+}
