@@ -11,7 +11,6 @@ mod video;
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use nvsprior::image::Preprocessor;
 use nvsprior::keys::Keys;
 use nvsprior::link::{
@@ -81,21 +80,19 @@ pub struct Args {
 /// The channel, and how it is used.
 #[derive(clap::Args)]
 struct LinkArgs {
-    /// A modem: sets --bit-rate, --mtu and --delay unless they are given
-    #[arg(long, value_enum)]
-    preset: Option<Preset>,
-    /// Bits per second [default: 5000]
-    #[arg(long, value_name = "BPS", value_parser = values::rate)]
-    bit_rate: Option<f64>,
-    /// Most bytes of a modem frame [default: 64]. Below 16 packets are not protected against losses
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(MIN_MTU as i64..))]
-    mtu: Option<u16>,
+    /// Bits per second
+    #[arg(long, value_name = "BPS", default_value_t = 5_000.0, value_parser = values::rate)]
+    bit_rate: f64,
+    /// Most bytes of a modem frame. Below 16 packets are not protected against losses
+    #[arg(long, value_name = "N", default_value_t = 64,
+        value_parser = clap::value_parser!(u16).range(MIN_MTU as i64..))]
+    mtu: u16,
     /// What a modem frame takes beside its bytes, as bytes
     #[arg(long, value_name = "BYTES", default_value_t = 0)]
     overhead: usize,
-    /// Seconds from vehicle to topside [default: 0.1]
-    #[arg(long, alias = "propagation", value_name = "S", value_parser = values::not_negative)]
-    delay: Option<f64>,
+    /// Seconds from vehicle to topside
+    #[arg(long, alias = "propagation", value_name = "S", default_value_t = 0.1, value_parser = values::not_negative)]
+    delay: f64,
     /// Chance that a modem frame is lost, 0 up to but not 1; several with commas between them
     #[arg(long, value_name = "X", value_delimiter = ',', default_value = "0", value_parser = values::not_negative)]
     loss: Vec<f64>,
@@ -172,15 +169,6 @@ pub struct LabArgs {
     pull: Option<f64>,
 }
 
-/// Links that are known.
-#[derive(Clone, Copy, ValueEnum)]
-enum Preset {
-    /// A Micro-Modem: 5 kbit/s, frames of 64 bytes, 0.5 s away
-    MicroModem,
-    /// The paper's: 100 kbit/s, frames of 1024 bytes, 0.1 s away
-    Paper,
-}
-
 /// A channel and its use, all defaults filled in.
 #[derive(Clone, Debug)]
 struct Setting {
@@ -253,17 +241,12 @@ impl LinkArgs {
         lab: &LabArgs,
     ) -> Result<Setting, LinkError> {
         let fps = args.fps;
-        let (bit_rate, mtu, propagation) = match self.preset {
-            None => (5_000.0, 64, 0.1),
-            Some(Preset::MicroModem) => (5_000.0, 64, 0.5),
-            Some(Preset::Paper) => (100_000.0, 1024, 0.1),
-        };
         let loss = Loss { chance, burst: self.burst };
         loss.check()?;
         let assumed = Loss { chance: self.assume_loss.unwrap_or(chance), ..loss };
-        let propagation = self.delay.unwrap_or(propagation);
         let coding = lab.coding.unwrap_or(CODING);
-        let (bit_rate, delay) = (self.bit_rate.unwrap_or(bit_rate), coding + propagation);
+        let (bit_rate, propagation) = (self.bit_rate, self.delay);
+        let delay = coding + propagation;
         let spread = if assumed.chance > 0.0 { 0.5 } else { 0.0 };
         let (min_bytes, latency) = self.least_and_latency(bit_rate, delay, 1.0 - spread);
         let spread = spread * (latency - delay).max(0.0);
@@ -271,7 +254,7 @@ impl LinkArgs {
             mode,
             tune: args.tune.tune(),
             bit_rate,
-            mtu: self.mtu.unwrap_or(mtu).into(),
+            mtu: self.mtu.into(),
             overhead: self.overhead,
             propagation,
             loss,

@@ -45,7 +45,7 @@ pub struct Args {
     /// `known` (the prior's unit) and `known_angle` (degrees), empty if it is not
     #[arg(long, value_name = "FILE", value_parser = values::csv)]
     track: Option<PathBuf>,
-    /// Filter the pictures by a small network, with the prior's weights (`nvsprior filter`), or with the
+    /// Filter the pictures by a small network, with the prior's weights (`nvsprior prior filter`), or with the
     /// library's. They look more like what the camera saw, if the network knows the scene
     #[arg(long)]
     filter: bool,

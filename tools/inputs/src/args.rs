@@ -152,7 +152,7 @@ impl Default for SizeArgs {
 }
 
 /// The width of the paper's frames, pixels.
-const WIDTH: u32 = 320;
+pub const WIDTH: u32 = 320;
 
 impl SizeArgs {
     /// Frames of at most this width.

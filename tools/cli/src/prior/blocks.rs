@@ -1,4 +1,4 @@
-//! `nvsprior blocks`: priors as one prior in blocks.
+//! `nvsprior prior blocks`: priors as one prior in blocks.
 
 use std::fs::File;
 use std::io::BufWriter;
@@ -34,9 +34,6 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 4096,
         value_parser = clap::value_parser!(u32).range(1..=MAX_BLOCK as i64))]
     block: u32,
-    /// Steps of the quantisation, as multiples of the usual ones
-    #[arg(long, value_name = "FACTOR", default_value_t = FINENESS)]
-    coarseness: f32,
 }
 
 fn blocked_file(text: &str) -> Result<PathBuf, String> {
@@ -51,7 +48,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &args.out)?;
     args.priors.iter().try_for_each(|prior| check_not_over(prior, &args.out))?;
     let parts = Parts::read(args)?;
-    let quantisation = Quantisation::default().scaled(args.coarseness);
+    let quantisation = Quantisation::default().scaled(FINENESS);
     let writer = BlockedWriter { quantisation, block: args.block as usize };
     let Parts { splats, first, extras } = &parts;
     let besides = Besides { extras, ..first.besides() };

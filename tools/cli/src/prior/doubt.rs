@@ -1,4 +1,4 @@
-//! `nvsprior doubt`: how far a prior's picture may be off, splat by splat, from the pictures that it was trained on.
+//! `nvsprior prior doubt`: how far a prior's picture may be off, splat by splat, from the pictures that it was trained on.
 
 use std::path::{Path, PathBuf};
 
@@ -32,12 +32,9 @@ pub struct Args {
     #[arg(long, value_name = "NAME")]
     split: Option<String>,
     /// A camera file with frames that the prior was not trained on, and their poses: print how often what is doubted
-    /// is off, and what is not
-    #[arg(long, value_name = "FILE")]
-    check: Option<PathBuf>,
-    /// Only the frames of this split of that file
-    #[arg(long, value_name = "NAME", requires = "check")]
-    check_split: Option<String>,
+    /// is off, and what is not. SPLIT: only its frames
+    #[arg(long, value_names = ["FILE", "SPLIT"], num_args = 1..=2)]
+    check: Vec<String>,
     #[command(flatten)]
     size: SizeArgs,
     /// A copy of the prior with its doubt in it: .nvsg, or .nvsb if the prior is one [default: it is put into PRIOR,
@@ -52,9 +49,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let file = PriorFile::open(&args.prior.prior, args.out.as_deref())?;
     let prior = file.prior.clone().with_overrides(&args.prior.overrides.overrides())?;
     let pictures = args.pictures(&args.cameras, args.split.as_deref(), &prior)?;
-    let checked = match &args.check {
-        Some(file) => args.pictures(file, args.check_split.as_deref(), &prior)?,
-        None => Vec::new(),
+    let checked = match &args.check[..] {
+        [] => Vec::new(),
+        [file, split @ ..] => {
+            args.pictures(file.as_ref(), split.first().map(String::as_str), &prior)?
+        }
     };
     let engine = args.device.open()?;
     let bar = progress(pictures.len(), "pictures");

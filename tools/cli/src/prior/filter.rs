@@ -1,4 +1,4 @@
-//! `nvsprior filter`: the display filter's weights for a scene, trained on the frames of the mapping run.
+//! `nvsprior prior filter`: the display filter's weights for a scene, trained on the frames of the mapping run.
 
 use std::path::PathBuf;
 use std::sync::Arc;

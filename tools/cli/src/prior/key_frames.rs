@@ -1,4 +1,4 @@
-//! `nvsprior key-frames`: makes key frames, the poses at which a lost camera is looked for, from the views of a mapping
+//! `nvsprior prior key-frames`: makes key frames, the poses at which a lost camera is looked for, from the views of a mapping
 //! run and around them.
 
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use nvsprior_train::key_frames::{ANGLE, Sample, Thinned};
 /// Give a prior key frames: poses at which a lost camera is looked for
 ///
 /// Takes the views of a camera file that show the prior, best those of the mapping run, and thins them out: a view is
-/// left out if a kept one is nearer than --distance and looks in a direction less than --angle away. Then adds poses up
+/// left out if a kept one is nearer than --spacing and looks in about the same direction. Then adds poses up
 /// to --cover, so that a key frame is near wherever a camera is lost in the volume that the views saw. Without a camera
 /// file the poses are anywhere in the free volume; give one if you can. The prior's splats and identity stay as they
 /// are, so only the side that encodes needs the key frames.
@@ -33,13 +33,10 @@ pub struct Args {
     #[arg(long, value_name = "NAME", requires = "cameras")]
     split: Option<String>,
     /// Leave out a view if a kept one is nearer than this, in the prior's unit [default: 5 % of the median distance
-    /// from the cameras to the splats that they show]
-    #[arg(long, value_name = "LENGTH", requires = "cameras", value_parser = values::not_negative)]
-    distance: Option<f64>,
-    /// Leave out a view only if its direction differs from the kept one's by less than this, degrees; roll does not
-    /// count
-    #[arg(long, value_name = "DEGREES", default_value_t = ANGLE, value_parser = values::not_negative)]
-    angle: f64,
+    /// from the cameras to the splats that they show], and its direction differs by less than DEGREES, 10 if they are
+    /// left out; roll does not count
+    #[arg(long, alias = "distance", value_name = "LENGTH[,DEGREES]", requires = "cameras", value_parser = values::pair)]
+    spacing: Option<(f64, Option<f64>)>,
     /// Add key frames up to this many in all, with those of the views; 0 adds none
     #[arg(long, value_name = "N", default_value_t = COVER,
         value_parser = clap::value_parser!(u32).range(..=KeyFrames::MAX as i64))]
@@ -48,6 +45,14 @@ pub struct Args {
     /// PRIOR, or, if that is of a foreign format, into PRIOR.nvsx, which is read with it]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+}
+
+impl Args {
+    /// The distance, if it is stated, and the angle.
+    fn spacing(&self) -> (Option<f64>, f64) {
+        let (distance, angle) = self.spacing.unzip();
+        (distance, angle.flatten().unwrap_or(ANGLE))
+    }
 }
 
 /// Key frames in all. How much so many cover: docs/decisions.md, 10.
@@ -65,7 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let extras = Extras { key_frames: key_frames.clone(), ..prior.extras().clone() };
     let written = file.save_extras(&extras)?;
     if let Some(views) = &views {
-        views.print(args.angle);
+        views.print(args.spacing().1);
     }
     row("covering", describe_covering(&covering));
     row("key frames", describe(key_frames));
@@ -107,7 +112,8 @@ impl Views {
     fn of(args: &Args, file: &Path, prior: &Prior) -> anyhow::Result<Views> {
         let views = posed_views(file, args.split.as_deref())?;
         let sample = Sample::of(prior.splats(), prior.options().near);
-        let thinned = Thinned::of(&sample, &views, args.distance, args.angle)?;
+        let (distance, angle) = args.spacing();
+        let thinned = Thinned::of(&sample, &views, distance, angle)?;
         let thinned = thinned.with_context(|| {
             let (cameras, name) = (file.display(), args.prior.display());
             format!(

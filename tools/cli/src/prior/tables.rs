@@ -1,4 +1,4 @@
-//! `nvsprior tables`: scene coder tables, trained on the frames of the mapping run.
+//! `nvsprior prior tables`: scene coder tables, trained on the frames of the mapping run.
 
 mod gain;
 
@@ -24,10 +24,10 @@ pub struct Args {
     prior: PriorArgs,
     #[command(flatten)]
     run: MappingRunArgs,
-    /// Rounds of coding all frames and learning from it
-    #[arg(long, value_name = "N", default_value_t = ROUNDS,
+    /// Steps of training: each codes all frames and learns from it
+    #[arg(long, alias = "rounds", value_name = "N", default_value_t = ROUNDS,
         value_parser = clap::value_parser!(u32).range(1..=100))]
-    rounds: u32,
+    steps: u32,
     /// A copy of the prior with the tables in it: .nvsg, or .nvsb if the prior is one
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = file.prior.clone().with_overrides(&args.prior.overrides.overrides())?;
     let run = args.run.pairs(&prior)?;
     run.print();
-    let tables = train(&run.learned, args.rounds as usize);
+    let tables = train(&run.learned, args.steps as usize);
     let written = file.save_tables(&tables)?;
     gain::print(&run.held_out, &tables);
     row("written", written);

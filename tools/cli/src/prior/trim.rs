@@ -1,4 +1,4 @@
-//! `nvsprior trim`: a prior reduced to what a mission's views need.
+//! `nvsprior prior trim`: a prior reduced to what a mission's views need.
 
 mod judge;
 
@@ -53,16 +53,9 @@ pub struct Args {
     /// Gradient steps per round, each towards one view
     #[arg(long, value_name = "N", default_value_t = 330)]
     steps: u32,
-    /// Share of the splats that a round leaves out at first
-    #[arg(long, value_name = "SHARE", default_value_t = 0.15, value_parser = share)]
-    share: f64,
     /// The reduced prior: .nvsg (compact, quantised; the cost of that counts as loss) or .ply
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Steps of a compact prior's quantisation, as multiples of the usual ones [default: the greatest
-    /// of 1, 1/2, 1/4 and 1/8 that leaves most of the tolerance to the splats]
-    #[arg(long, value_name = "FACTOR")]
-    coarseness: Option<f32>,
     /// Contact sheet to write (PNG): whole | reduced | difference | reduced, one row per view
     #[arg(long, value_name = "FILE", value_parser = values::png)]
     sheet: Option<PathBuf>,
@@ -77,17 +70,12 @@ enum FitArg {
 }
 use FitArg::{Frames, Renders};
 
-fn share(text: &str) -> Result<f64, String> {
-    let value = values::positive(text)?;
-    if value < 1.0 { Ok(value) } else { Err("must lie between 0 and 1".into()) }
-}
-
 /// The finest steps that are tried, as multiples of the usual ones.
 const FINEST: f32 = 0.125;
 const SHEET_ROWS: usize = 8;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let finest = Quantisation::default().scaled(args.coarseness.unwrap_or(FINEST));
+    let finest = Quantisation::default().scaled(FINEST);
     let container = Container::of(&args.out, finest)?;
     values::check_file("--out", &args.out)?;
     if let Some(sheet) = &args.sheet {
@@ -103,13 +91,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let views = fit_views(&mission, fit, &mut whole)?;
     let limits = Loss { tolerance: args.tolerance, floor: args.floor, distilled: fit == Renders };
     let mut bench = Bench::new(&engine, &prior, whole, &mission, (container, &args.out), limits)?;
-    if args.coarseness.is_none() {
-        bench.coarsen(FINEST)?;
-    }
+    bench.coarsen(FINEST)?;
     let options = TrimOptions {
         range: args.range,
         steps: args.steps,
-        share: args.share,
         ..TrimOptions::new(*prior.options(), bench.tolerance())
     };
     let splats = trim(&engine, prior.splats(), &views, &options, &mut bench)?;

@@ -1,4 +1,4 @@
-//! `nvsprior blocks`, and both sides of a dive with the prior in blocks.
+//! `nvsprior prior blocks`, and both sides of a dive with the prior in blocks.
 
 use crate::dive::{Dive, FRAMES};
 

@@ -1,4 +1,4 @@
-//! `nvsprior filter`, and `decode --filter`.
+//! `nvsprior prior filter`, and `decode --filter`.
 
 use nvsprior::Prior;
 use nvsprior::filter_weights::{FRACTION, FilterWeights};

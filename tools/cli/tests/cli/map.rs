@@ -36,7 +36,7 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     // A .ply has no place for its doubt, which is added beside it.
     assert!(!dive.path("a.ply.nvsx").exists());
     let decode = "decode --prior a.ply --packets packets --frames out --doubt doubt";
-    dive.run(decode).ends_with(0).says("a.ply: without doubt").says("`nvsprior doubt`");
+    dive.run(decode).ends_with(0).says("a.ply: without doubt").says("`nvsprior prior doubt`");
     let cameras = "--cameras cameras.json --split dive";
     let check = "--check cameras.json --check-split dive";
     let run = dive.run(&format!("doubt --prior a.ply {cameras} {check}")).ends_with(0);

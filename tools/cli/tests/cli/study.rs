@@ -1,4 +1,4 @@
-//! `nvsprior inspect` and `nvsprior trim`: what a prior does not need.
+//! `nvsprior inspect` and `nvsprior prior trim`: what a prior does not need.
 
 use nvsprior::prior::Splats;
 use nvsprior::{Prior, RenderOptions};

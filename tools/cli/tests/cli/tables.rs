@@ -1,4 +1,4 @@
-//! `nvsprior tables`, and what the other commands make of coder tables.
+//! `nvsprior prior tables`, and what the other commands make of coder tables.
 
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;

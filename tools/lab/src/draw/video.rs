@@ -79,7 +79,7 @@ impl VideoArgs {
                 write!(params, ",{value}")?;
             }
         }
-        println!("its lens: --camera-model OPENCV --camera-params {params}");
+        println!("its lens: --camera OPENCV:{params}");
         Ok(())
     }
 }
