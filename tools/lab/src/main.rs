@@ -40,7 +40,7 @@ enum Command {
     Draw(draw::Args),
     #[command(subcommand)]
     Paper(paper::Command),
-    Link(LinkArgs),
+    Link(Box<LinkArgs>),
     GpuCheck(gpu_check::Args),
 }
 

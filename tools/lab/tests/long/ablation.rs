@@ -1,4 +1,4 @@
-//! `nvsprior bench --ablation`.
+//! `nvsprior-lab ablation`.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::dive::{Dive, FRAMES, INPUT};
 
 /// Small pictures, as Adam takes up to 1000 renders per start.
-const SMALL: &str = "--ablation --ablation-trials 2 --ablation-adam-trials 1 --ablation-units 0.3 \
+const SMALL: &str = "--trials 2 --adam-trials 1 --units 0.3 \
                      --width 80 --report out";
 
 /// A row of a table by the names of its columns.
@@ -44,7 +44,7 @@ fn check(row: &Row) {
 #[test]
 fn ablation_writes_every_trial_summary_and_plots() {
     let dive = Dive::new();
-    let run = dive.run(&format!("bench {INPUT} {SMALL}")).ends_with(0);
+    let run = dive.run(&format!("ablation {INPUT} {SMALL}")).ends_with(0);
 
     let first = "kind,trial,file,axis,perturbation,size,unit";
     let trials = rows(&dive, "ablation.csv", &format!("{first},{FIGURES}"));
@@ -113,11 +113,10 @@ fn summary(dive: &Dive, trials: &[Row]) {
 fn ablation_flags_are_checked_first() {
     let dive = Dive::new();
     for (flags, says) in [
-        ("--ablation-trials 3", "--ablation"),
-        ("--ablation --ablation-trials 0", "--ablation-trials"),
-        ("--ablation --ablation-units 0", "must be above 0"),
-        ("--ablation --ablation-units inf", "must be above 0"),
+        ("--trials 0", "--trials"),
+        ("--units 0", "must be above 0"),
+        ("--units inf", "must be above 0"),
     ] {
-        dive.run(&format!("bench {INPUT} {flags}")).ends_with(2).says(says);
+        dive.run(&format!("ablation {INPUT} {flags}")).ends_with(2).says(says);
     }
 }

@@ -1,8 +1,9 @@
-//! `nvsprior bench`.
+//! `nvsprior-lab bench` and `sizes`.
 
 use serde_json::Value;
 
 use crate::dive::{Dive, INPUT, name};
+use crate::treated::{preprocessed, treated_by_hand};
 
 /// What makes a run small.
 const SMALL: &str = "--trials 3 --bfgs-frames 1 --configurations 1 --report out";
@@ -172,5 +173,16 @@ fn bench_measures_sizes() {
         assert!(dive.bytes(&format!("out/{plot}.svg")).starts_with(b"<svg"), "{plot}");
     }
     let narrow = format!("bench {INPUT} --sizes --sizes-widths {} --report out", 2 * width);
-    dive.run(&narrow).ends_with(1).says("--sizes-widths: the frames are only");
+    dive.run(&narrow).ends_with(1).says("--widths: the frames are only");
+}
+
+#[test]
+fn frames_are_compared_as_the_prior_has_them_treated() {
+    let best = [preprocessed(), treated_by_hand()].map(|dive| {
+        let small = "--trials 0 --bfgs-frames 0 --configurations 0 --report out";
+        dive.run(&format!("bench {INPUT} --starts camera-file {small}")).ends_with(0);
+        dive.json("out/report.json")["best_known"].clone()
+    });
+    assert_eq!(best[0], best[1]);
+    assert!(best[0][0]["psnr"].as_f64().is_some());
 }

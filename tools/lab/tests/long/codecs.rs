@@ -1,11 +1,10 @@
-//! `nvsprior bench --codecs`: other coders beside ours.
+//! `nvsprior-lab codecs`: other coders beside ours.
 
 use serde_json::Value;
 
 use crate::dive::Dive;
 
-const RUN: &str =
-    "bench --codecs --prior prior.ply --cameras cameras.json --split dive --report out";
+const RUN: &str = "codecs --prior prior.ply --cameras cameras.json --split dive --report out";
 
 /// Coders that are programs of their own.
 const OTHERS: [&str; 6] = ["jpeg-xl", "x264", "x265", "libaom", "svt-av1", "vvenc"];
@@ -107,10 +106,4 @@ fn differences_leave_out_frames_streams_and_warps() {
     for coder in ["wavelet", "wavelet tuned to ssim", "webp"] {
         assert!(report.iter().any(|row| row["coder"] == coder), "{coder}");
     }
-}
-
-#[test]
-fn codecs_exclude_other_measurements() {
-    let dive = Dive::new();
-    dive.run(&format!("{RUN} --ablation")).ends_with(2);
 }

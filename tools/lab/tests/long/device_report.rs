@@ -1,4 +1,4 @@
-//! `nvsprior device-report`.
+//! `nvsprior-lab device-report`.
 
 use serde_json::Value;
 

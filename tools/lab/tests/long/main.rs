@@ -14,3 +14,6 @@ mod recovery;
 #[path = "../../../../tests/scene/mod.rs"]
 mod scene;
 mod stability;
+#[allow(dead_code)]
+#[path = "../../../cli/tests/cli/treated.rs"]
+mod treated;

@@ -1,4 +1,4 @@
-//! `nvsprior bench --recovery`.
+//! `nvsprior-lab recovery`.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::dive::{Dive, FRAMES, INPUT};
 use crate::scene::{wall, write_prior};
 
-const SMALL: &str = "--recovery --recovery-trials 2 --recovery-places 1 --recovery-dropouts 1 \
+const SMALL: &str = "--trials 2 --places 1 --dropouts 1 \
                      --foreign other.ply --width 80 --report out";
 
 const COLUMNS: &str = "measurement,column,trial,detail,frame,phase,file,best_psnr,clean_psnr,\
@@ -93,7 +93,7 @@ fn sums(rows: &[Row], measurement: &str, column: &Value) {
 fn recovery_writes_every_frame_summary_and_plot() {
     let dive = Dive::new();
     write_prior(&dive.path("other.ply"), &wall(2));
-    let run = dive.run(&format!("bench {INPUT} {SMALL}")).ends_with(0);
+    let run = dive.run(&format!("recovery {INPUT} {SMALL}")).ends_with(0);
     let rows = rows(&dive);
     rows.iter().for_each(check);
     let summary = dive.json("out/recovery.json");
@@ -121,9 +121,9 @@ fn recovery_writes_every_frame_summary_and_plot() {
 #[test]
 fn phases_come_in_order() {
     let dive = Dive::new();
-    let flags = "--recovery --recovery-only dropouts --recovery-places 2 --recovery-dropouts 2 \
+    let flags = "--only dropouts --places 2 --dropouts 2 \
                  --width 80 --report out";
-    dive.run(&format!("bench {INPUT} {flags}")).ends_with(0);
+    dive.run(&format!("recovery {INPUT} {flags}")).ends_with(0);
     for run in rows(&dive).chunk_by(|_, next| next["frame"] != "0") {
         let phases: Vec<&str> = run.iter().map(|row| &*row["phase"]).collect();
         assert_eq!(phases[..6], ["good", "good", "good", "good", "dropout", "dropout"]);
@@ -142,20 +142,18 @@ fn phases_come_in_order() {
 fn recovery_flags_are_checked_first() {
     let dive = Dive::new();
     for (flags, says) in [
-        ("--recovery-trials 3", "--recovery"),
-        ("--recovery --ablation", "--ablation"),
-        ("--recovery --recovery-trials 0", "--recovery-trials"),
-        ("--recovery --recovery-dropouts 1,0", "--recovery-dropouts"),
-        ("--recovery --recovery-rate 0", "must be above 0"),
-        ("--recovery --recovery-only night", "capture, nothing, dropouts, foreign"),
-        ("--recovery --recovery-only capture,foreign", "--foreign"),
+        ("--trials 0", "--trials"),
+        ("--dropouts 1,0", "--dropouts"),
+        ("--rate 0", "must be above 0"),
+        ("--only night", "capture, nothing, dropouts, foreign"),
+        ("--only capture,foreign", "--foreign"),
     ] {
-        dive.run(&format!("bench {INPUT} {flags}")).ends_with(2).says(says);
+        dive.run(&format!("recovery {INPUT} {flags}")).ends_with(2).says(says);
     }
     let mut cameras = dive.json("cameras.json");
     for image in cameras["images"].as_array_mut().unwrap() {
         image.as_object_mut().unwrap().remove("qvec");
     }
     dive.write_json("cameras.json", &cameras);
-    dive.run(&format!("bench {INPUT} --recovery")).ends_with(1).says("images/0.png: its pose");
+    dive.run(&format!("recovery {INPUT}")).ends_with(1).says("images/0.png: its pose");
 }

@@ -1,4 +1,4 @@
-//! `nvsprior stability`.
+//! `nvsprior-lab stability`.
 
 use crate::dive::Dive;
 
