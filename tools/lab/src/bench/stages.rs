@@ -31,7 +31,7 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// As `nvsprior bench` has it.
+    /// As `nvsprior-lab bench` has it.
     pub const BENCH: Runs = Runs { most: 10, end: None, fastest: false };
 
     fn goes_on(&self, done: u32) -> bool {

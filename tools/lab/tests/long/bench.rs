@@ -186,3 +186,14 @@ fn frames_are_compared_as_the_prior_has_them_treated() {
     assert_eq!(best[0], best[1]);
     assert!(best[0][0]["psnr"].as_f64().is_some());
 }
+
+#[test]
+fn poses_are_held_against_the_camera_files() {
+    let dive = Dive::new();
+    let told = dive.run(&format!("poses {INPUT} --restarts --report poses")).ends_with(0).stdout;
+    assert!(told.contains("frames certain; position known in"), "{told}");
+    let summary = dive.json("poses/poses.json");
+    let axes = summary[0]["axes"].as_array().unwrap().len();
+    assert_eq!((&summary[0]["frames"], axes), (&3.into(), 6));
+    assert!(!dive.bytes("poses/poses.csv").is_empty() && !dive.bytes("poses/poses.svg").is_empty());
+}
