@@ -104,7 +104,7 @@ link-soak:
 # The loss is the one that the prior in the tree was trained with.
 demo-prior:
 	@scripts/setup.sh run
-	cargo run --release --bin nvsprior -- demo --mapping-run --out target/demo-prior
+	cargo run --release --bin nvsprior-lab -- draw --mapping-run --out target/demo-prior
 	cargo run --release --bin nvsprior -- map --cameras target/demo-prior/M1/cameras.json --splats 60000 --knee 0 \
 		--out tools/basin/prior.nvsg --report target/demo-prior/report
 
@@ -115,14 +115,14 @@ TOWER := target/tower-$(COURSE)-$(LENS)
 
 tower-prior:
 	@scripts/setup.sh run
-	cargo run --release --bin nvsprior -- demo --site tower --mapping-run --course $(COURSE) --lens $(LENS) --out $(TOWER)
+	cargo run --release --bin nvsprior-lab -- draw --site tower --mapping-run --course $(COURSE) --lens $(LENS) --out $(TOWER)
 	cargo run --release --bin nvsprior -- map --cameras $(TOWER)/M4/cameras.json --out $(TOWER)/prior.nvsg \
 		--report $(TOWER)/report
 
 # What a survey team does with its own video, on one that the program draws.
 first-dive:
 	@scripts/setup.sh run video poses
-	cargo build --release --bin nvsprior
+	cargo build --release --bins
 	scripts/first-dive.sh target/first-dive
 
 poses-test:
@@ -132,13 +132,13 @@ poses-test:
 # How bytes grow with the age of the site: docs/mapping.md. Half an hour.
 ageing:
 	@scripts/setup.sh run
-	cargo build --release -p nvsprior-cli --bin nvsprior --example ageing
-	target/release/examples/ageing target/release/nvsprior tools/basin/prior.nvsg target/ageing
+	cargo build --release -p nvsprior-cli -p nvsprior-lab --bins --example ageing
+	target/release/examples/ageing target/release tools/basin/prior.nvsg target/ageing
 
 # What poses are worth: docs/poses.md. An hour.
 calibration:
 	@scripts/setup.sh run
-	cargo build --release -p nvsprior-cli --bin nvsprior
+	cargo build --release --bins
 	python3 scripts/calibration.py target/calibration
 
 # The unit tests, and the integration tests that need no device or few frames.
@@ -167,7 +167,7 @@ vectors:
 
 figures:
 	@scripts/setup.sh run
-	cargo build --release --bin nvsprior
+	cargo build --release -p nvsprior-cli -p nvsprior-lab -p nvsprior-demo --bins
 	scripts/figures/measure.py $(if $(QUICK),--quick) $(if $(AGAIN),--again) $(ONLY)
 
 docs-tables:
@@ -310,17 +310,17 @@ shaders-check: shader-toolchain
 
 gpu-check:
 	@scripts/setup.sh gpu-check
-	cargo build $(ALL) --bin gpu-check
-	$${CARGO_TARGET_DIR:-target}/debug/gpu-check $(if $(RENEW),--renew)
+	cargo build $(ALL) --bin nvsprior-lab
+	$${CARGO_TARGET_DIR:-target}/debug/nvsprior-lab gpu-check $(if $(RENEW),--renew)
 
 frame-times: $(if $(PRIOR),,demo)
-	cargo run --release --bin nvsprior -- bench --frame-times$(if $(MS),=$(MS)) \
+	cargo run --release --bin nvsprior-lab -- frame-times $(if $(MS),--bound $(MS)) \
 		--prior $(or $(PRIOR),demo-out/prior.ply) --cameras $(or $(CAMERAS),demo-out/T1/cameras.json) \
 		--report target/frame-times
 
 device-report:
 	@scripts/setup.sh run
-	cargo run --release --bin nvsprior -- device-report --out target/device-report $(if $(DEVICE),--device "$(DEVICE)")
+	cargo run --release --bin nvsprior-lab -- device-report --out target/device-report $(if $(DEVICE),--device "$(DEVICE)")
 
 clean:
 	rm -rf target demo-out bench-out

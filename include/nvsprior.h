@@ -288,13 +288,13 @@ typedef struct nvsp_prior nvsp_prior;
 // key-frames` writes them. If PATH.nvsx is not valid, or about another prior, the call fails with NVSP_ERR_PRIOR.
 //
 // Scene coder tables are read from an .nvsg or .nvsb. With them difference pictures take fewer bytes. They are part of
-// the prior's identity: both sides of a link need them. `nvsprior tables` writes them.
+// the prior's identity: both sides of a link need them. `nvsprior prior tables` writes them.
 //
 // A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
 // frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
 // treated picture.
 //
-// With `options.blocks_memory` a prior in blocks (.nvsb, as `nvsprior blocks` writes it) stays in its file. Only what
+// With `options.blocks_memory` a prior in blocks (.nvsb, by `nvsprior prior blocks`) stays in its file. Only what
 // cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
 // the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
 // for it: see nvsp_prior_info. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render options
@@ -1152,10 +1152,10 @@ NVSP_CHECKED nvsp_status nvsp_encoder_set_interest(struct nvsp_encoder *encoder,
 NVSP_CHECKED nvsp_status nvsp_decoder_add_camera(struct nvsp_decoder *decoder, const struct nvsp_camera *camera);
 
 // Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
-// the camera saw, if the network knows the scene. Its weights are the prior's (which `nvsprior filter` trains), or the
-// library's. At first it is off, as it takes time on the device. Nothing is predicted from a filtered picture: packets
-// and their truth maps stay as they are. Pictures without a difference picture, and those of other coders than the
-// wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
+// the camera saw, if the network knows the scene. Its weights are the prior's (which `nvsprior prior filter` trains),
+// or the library's. At first it is off, as it takes time on the device. Nothing is predicted from a filtered picture:
+// packets and their truth maps stay as they are. Pictures without a difference picture, and those of other coders than
+// the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 //
 // Builds a pipeline, and takes 20 bytes of device memory per pixel with the next packet of a camera. Fails with
 // NVSP_ERR_ARGUMENT, NVSP_ERR_MEMORY, NVSP_ERR_VULKAN or NVSP_ERR_DEVICE_LOST; it is then off.

@@ -2,7 +2,7 @@
 """Holds what the program says of its poses to account: docs/poses.md.
 Usage: calibration.py OUT [--frames N] [--only PART]
 
-Draws dives that no constant was chosen on, and runs `nvsprior bench --poses` on them, on the reef and on White Point
+Draws dives that no constant was chosen on, and runs `nvsprior-lab poses` on them, on the reef and on White Point
 (mapped first), if there are such data, and on T7 of the tower by five mapping runs. Fails if a dive of 200 frames or
 more breaks the promise."""
 import argparse
@@ -12,7 +12,7 @@ import subprocess
 import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-PROGRAM = ROOT / "target/release/nvsprior"
+PROGRAMS = ROOT / "target/release"
 DATA = ROOT.parent / "shared/data"
 PRIOR = ROOT / "tools/basin/prior.nvsg"
 # Dives and their numbers. Constants were chosen on the first dives.
@@ -22,14 +22,18 @@ LEAST = 200
 WITHIN_2, WITHIN_4, MOST = 0.90, 0.99, 4.0
 
 
-def run(*arguments):
-    print("+ nvsprior", *arguments, flush=True)
-    subprocess.run([PROGRAM, *map(str, arguments)], check=True)
+def run(*arguments, program="nvsprior"):
+    print("+", program, *arguments, flush=True)
+    subprocess.run([PROGRAMS / program, *map(str, arguments)], check=True)
 
 
-def bench(name, out, *arguments, poses="--poses"):
+def lab(*arguments):
+    run(*arguments, program="nvsprior-lab")
+
+
+def bench(name, out, *arguments, conditions="plain"):
     """The figures of each condition."""
-    run("bench", poses, "--report", out / name, *arguments)
+    lab("poses", "--conditions", conditions, "--report", out / name, *arguments)
     return [(name, summary) for summary in json.loads((out / name / "poses.json").read_text())]
 
 
@@ -37,12 +41,11 @@ def drawn(out, frames):
     for name, number in DIVES:
         folder = out / f"{name}-{number}"
         if not folder.exists():
-            run("demo", "--run", name, "--dive", number, "--draw-only", "--frames", frames, "--rate", 3,
-                "--out", folder)
+            lab("draw", "--run", name, "--dive", number, "--frames", frames, "--rate", 3, "--out", folder)
         cameras = folder / name / "cameras.json"
         run_of = ("--prior", PRIOR, "--cameras", cameras)
         yield from bench(f"poses-{name}-{number}", out, *run_of)
-        yield from bench(f"changed-{name}-{number}", out, *run_of, poses=f"--poses={CONDITIONS}")
+        yield from bench(f"changed-{name}-{number}", out, *run_of, conditions=CONDITIONS)
 
 
 def real(out):
@@ -72,7 +75,7 @@ def tower(out, frames):
         folder = out / f"tower-{course}-{lens}"
         prior, report, seen = folder / "prior.nvsg", folder / "report", ("--lens", lens)
         if not prior.exists():
-            run("demo", "--site", "tower", "--mapping-run", "--course", course, *seen, "--out", folder)
+            lab("draw", "--site", "tower", "--mapping-run", "--course", course, *seen, "--out", folder)
             run("map", "--cameras", folder / "M4/cameras.json", "--splats", 10000, "--iterations", 1500,
                 "--out", prior, "--report", report)
         expected = json.loads((report / "report.json").read_text())["expected_pose_error"]
@@ -80,7 +83,7 @@ def tower(out, frames):
         for vehicle, options in VEHICLES.items():
             dive = out / f"T7-{lens}{vehicle and '-' + vehicle}"
             if not dive.exists():
-                run("demo", "--run", "T7", "--draw-only", "--frames", frames // 5, *seen, *options, "--out", dive)
+                lab("draw", "--run", "T7", "--frames", frames // 5, *seen, *options, "--out", dive)
             yield from bench(f"{dive.name} {course}", out, "--prior", prior, "--cameras", dive / "T7/cameras.json")
 
 

@@ -1,9 +1,9 @@
 #!/bin/sh
 # A new user's way from a survey's video to a decoded dive, each step with its time: docs/first-dive.md.
-# Usage: first-dive.sh OUT [PROGRAM]
+# Usage: first-dive.sh OUT [PROGRAMS]; PROGRAMS: the folder of nvsprior and nvsprior-lab
 set -eu
 out=$1
-program=${2:-target/release/nvsprior}
+programs=${2:-target/release}
 mkdir -p "$out"
 times=$out/times.txt
 : > "$times"
@@ -12,19 +12,19 @@ step() {
     name=$1
     shift
     echo
-    echo "== $name: nvsprior $*"
+    echo "== $name: $*"
     begin=$(date +%s)
-    "$program" "$@"
+    "$programs/$@"
     printf '%6s s  %s\n' "$(($(date +%s) - begin))" "$name" | tee -a "$times"
 }
 
-step "draw a survey's video" demo --video "$out/quay.mp4"
-step "map it" map "$out/quay.mp4" --out "$out/quay.ply" --report "$out/map"
-step "draw a dive's video" demo --video "$out/dive.mp4" --later --seconds 12 --fps 2
-step "encode the dive" encode --prior "$out/quay.ply" --cameras "$out/quay.ply.colmap" \
+step "draw a survey's video" nvsprior-lab draw --video "$out/quay.mp4"
+step "map it" nvsprior map "$out/quay.mp4" --out "$out/quay.ply" --report "$out/map"
+step "draw a dive's video" nvsprior-lab draw --video "$out/dive.mp4" --later --seconds 12 --fps 2
+step "encode the dive" nvsprior encode --prior "$out/quay.ply" --cameras "$out/quay.ply.colmap" \
     --video "$out/dive.mp4" --starts none --psnr 33 --packets "$out/packets" --summary "$out/encode.json" \
-    --frames-out "$out/vehicle"
-step "decode it" decode --prior "$out/quay.ply" --packets "$out/packets" --frames "$out/topside"
+    --pictures "$out/vehicle"
+step "decode it" nvsprior decode --prior "$out/quay.ply" --packets "$out/packets" --pictures "$out/topside"
 same=0
 for frame in "$out"/topside/*.png; do
     cmp -s "$frame" "$out/vehicle/$(basename "$frame")" || { echo "$frame differs" >&2; exit 1; }

@@ -29,8 +29,17 @@ printf '#!/bin/sh\nexec %s"%s" "$@"\n' "$run" "$program" > "$scratch/run"
 chmod +x "$scratch/run"
 version=$("$scratch/run" --version)
 page nvsprior ""
-subcommands=$("$scratch/run" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z][a-z-]*\) .*/\1/p' | grep -v '^help$')
-for name in $subcommands; do
+# The subcommands of the program, or of one of its subcommands.
+below() {
+    "$scratch/run" "$@" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z][a-z-]*\) .*/\1/p' | grep -v '^help$' || true
+}
+pages=0
+for name in $(below); do
     page "nvsprior-$name" "$name"
+    pages=$((pages + 1))
+    for own in $(below "$name"); do
+        page "nvsprior-$name-$own" "$name $own"
+        pages=$((pages + 1))
+    done
 done
-echo "manual pages: $(echo "$subcommands" | wc -l) subcommands"
+echo "manual pages: $pages subcommands"

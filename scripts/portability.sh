@@ -28,7 +28,7 @@ all="--workspace --exclude nvsprior-gst --exclude nvsprior-python"
 # shellcheck disable=SC2086 # Words. The test needs the program; `cargo build` alone would build most crates anew.
 cargo test $all --test cli --no-run
 program=${CARGO_TARGET_DIR:-target}/debug/nvsprior
-verify() { "$program" verify-device --scenes "$scenes"; }
+verify() { "$program" devices --check "$scenes"; }
 for bits in $([ $scenes = 50 ] && echo 256 || echo 128 256 512); do
     LP_NATIVE_VECTOR_WIDTH=$bits verify
     [ -z "$mesa" ] ||

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Fetches Mesa from Debian 12's backports into a folder, beside the installed one. Prints the
 # environment in which both are there as two devices: eval "$(scripts/second-driver.sh DIR)" &&
-# nvsprior stability --group devices
+# nvsprior-lab stability --group devices
 set -eu
 
 [ $# = 1 ] || { echo "usage: second-driver.sh DIR" >&2; exit 2; }

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Fetches SwiftShader, a Vulkan driver for the CPU that shares no code with Mesa, from Debian's package of Chromium
 # into a folder, and prints its ICD file:
-#   VK_DRIVER_FILES=$(scripts/swiftshader.sh DIR) nvsprior verify-device
+#   VK_DRIVER_FILES=$(scripts/swiftshader.sh DIR) nvsprior devices --check
 set -eu
 
 [ $# = 1 ] || { echo "usage: swiftshader.sh DIR" >&2; exit 2; }

@@ -137,7 +137,7 @@ impl Decoder {
     /// the camera saw, if the network knows the scene. Its weights are the prior's ([`Prior::filter_weights`]), or the
     /// library's. Frames without a residual, or of other coders than the wavelet coder, stay as they are. Later frames
     /// are predicted from pictures before the filter, so each topside may filter or not. At first it is off: it takes
-    /// time on the device (`nvsprior bench` measures it).
+    /// time on the device (`nvsprior-lab bench` measures it).
     ///
     /// [`Prior::filter_weights`]: crate::Prior::filter_weights
     ///

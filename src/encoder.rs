@@ -173,7 +173,7 @@ impl Encoder {
                 &residual_setup(engine, scene, camera, &options),
                 has_truth(&options),
             ),
-            poses: predicts_poses(&options).then(SentPoses::new),
+            poses: predicts_poses(&options).then(SentPoses::default),
             options,
             work: FrameWork::default(),
             renders_before: Vec::new(),

@@ -11,6 +11,7 @@ from typing import Callable
 import readers
 
 NVSPRIOR = "target/release/nvsprior"
+LAB = "target/release/nvsprior-lab"
 DEMO_PRIOR = "tools/basin/prior.nvsg"
 REEF = "--cameras REEF/cameras.json --split test_block"
 
@@ -35,7 +36,7 @@ def drawn(run):
 
 
 def demo_bench(run):
-    return [draw(run, 24), f"{NVSPRIOR} bench {drawn(run)} --bfgs-frames 0 --configurations 0 --report OUT/bench"]
+    return [draw(run, 24), f"{LAB} bench {drawn(run)} --bfgs-frames 0 --configurations 0 --report OUT/bench"]
 
 
 # Versions of the coders that others wrote: those of the ffmpeg, cjxl and djxl in PATH.
@@ -48,15 +49,15 @@ def codecs(name, priors, inputs, commands=(), needs=()):
     """The wavelet coder beside others, on the difference pictures of a run."""
     return Measurement(f"codecs-{name}", priors, [
         *commands, CODERS,
-        f"{NVSPRIOR} bench --codecs --differences {inputs} --report OUT/codecs",
+        f"{LAB} codecs --differences {inputs} --report OUT/codecs",
     ], readers.codecs, readers.exact_of_codecs, needs=needs)
 
 
 MODES = {
     "intra": "",
     "chain": "--mode stream",
-    "layers": "--mode stream --structure layers --key-every 0",
-    "keys": "--mode stream --structure keys --key-every 0",
+    "layers": "--mode layers:0",
+    "keys": "--mode keys:0",
 }
 
 
@@ -75,28 +76,28 @@ LOSSES = "--loss 0,0.05,0.2,0.4"
 
 
 def poses(run, inputs):
-    return [f"{NVSPRIOR} link {inputs} --return-delay 0.3 --report OUT/poses-{run}-{name} {option}"
+    return [f"{LAB} link {inputs} --return-delay 0.3 --report OUT/poses-{run}-{name} {option}"
             for name, option in (("stated", "--state-poses"), ("predicted", ""))]
 
 
 ALL = [
-    Measurement("demo", ["demo"], [f"{NVSPRIOR} demo --bfgs-frames 5 --out OUT"], readers.rows_of_demo,
+    Measurement("demo", ["demo"], ["target/release/nvsprior-demo --bfgs-frames 5 --out OUT"], readers.rows_of_demo,
                 readers.exact_of_demo, quick=True),
     Measurement("reef", ["reef"], [
-        f"{NVSPRIOR} bench --prior REEF/prior.ply {REEF} --report OUT/bench",
+        f"{LAB} bench --prior REEF/prior.ply {REEF} --report OUT/bench",
         f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets "
         "--summary OUT/wavelet.json",
-        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --residual webp --packets OUT/webp "
+        f"{LAB} paper encode --prior REEF/prior.ply {REEF} --quality 10 --optimizer gauss-newton --packets OUT/webp "
         "--summary OUT/webp.json",
     ], readers.reef, readers.exact_of_reef),
     *[Measurement(run.lower(), ["demo"], demo_bench(run), readers.bench, readers.exact_of_bench)
       for run in ("T1", "T2")],
     Measurement("ablation", ["demo"], [
         draw("T1", 8),
-        f"{NVSPRIOR} bench --ablation {drawn('T1')} --ablation-trials 24 --ablation-adam-trials 0 "
+        f"{LAB} ablation {drawn('T1')} --trials 24 --adam-trials 0 "
         "--report OUT/ablation",
     ], readers.ablation, readers.exact_of_ablation),
-    Measurement("stability", [], [f"{NVSPRIOR} stability --report OUT"], readers.stability,
+    Measurement("stability", [], [f"{LAB} stability --report OUT"], readers.stability,
                 readers.exact_of_stability),
     Measurement("mapping", ["reef"], [
         f"{NVSPRIOR} map --cameras REEF/cameras.json --split train --points REEF/points.ply --out OUT/prior.nvsg "
@@ -115,19 +116,19 @@ ALL = [
       for run, frames in (("T1", 12), ("T2", 12), ("T4", 4))],
     Measurement("sizes", ["demo"], [
         draw("T1", 8, "--width 1280 "),
-        f"{NVSPRIOR} bench --sizes {drawn('T1')} --trained-focal 228.5037 --report OUT/sizes",
+        f"{LAB} sizes {drawn('T1')} --trained-focal 228.5037 --report OUT/sizes",
     ], readers.sizes, readers.exact_of_sizes),
     Measurement("stages", ["demo"], [
         draw("T1", 6, "--width 1280 "),
-        *[f"{NVSPRIOR} bench {drawn('T1')} --trained-focal 228.5037 --width {width} --trials 1 --bfgs-frames 0 "
+        *[f"{LAB} bench {drawn('T1')} --trained-focal 228.5037 --width {width} --trials 1 --bfgs-frames 0 "
           f"--configurations 0 --report OUT/{width}" for width in readers.WIDTHS],
     ], readers.stages, readers.exact_of_stages),
-    Measurement("sites", ["demo"], [f"{NVSPRIOR} bench --site --site-parts 6 --report OUT"], readers.sites,
+    Measurement("sites", ["demo"], [f"{LAB} site --parts 6 --report OUT"], readers.sites,
                 readers.exact_of_sites),
     Measurement("link", ["demo", "reef"], [
         *[f"{LINK} --mtu {mtu} {LOSSES} --burst {burst} --report OUT/loss-{mtu}-{burst}"
           for mtu in (64, 256) for burst in (1, 4)],
-        *[f"{LINK} --mtu 64 --loss 0,0.05,0.2 --mode stream --structure {structure} --key-every {every} "
+        *[f"{LINK} --mtu 64 --loss 0,0.05,0.2 --mode {structure}:{every} "
           f"--report OUT/{structure}" for structure, every in (("keys", 8), ("layers", 16), ("chain", 16))],
         *poses("reef", f"--prior REEF/prior.ply {REEF} --threshold 1e-2 --bit-rate 20000 --seconds 8"),
         *[command for run in ("T1", "T2")

@@ -14,13 +14,14 @@ pub struct SentPoses {
     since_stated: u32,
 }
 
-impl SentPoses {
-    /// None was sent.
-    pub fn new() -> SentPoses {
+impl Default for SentPoses {
+    fn default() -> SentPoses {
         let (sent, held) = (HeldPoses::with_room(), HeldPoses::with_room());
         SentPoses { sent, held, since_stated: 0 }
     }
+}
 
+impl SentPoses {
     /// The topside holds the pose of a frame, or does not. `frame` may be modulo 2¹⁶.
     pub fn acknowledge(&mut self, frame: u32, held: bool) {
         match held {

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The paper's learned baselines for `nvsprior bench --paper`: README.md tells how they go together."""
+"""The paper's learned baselines for `nvsprior-lab paper bench`: README.md tells how they go together."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     _train(commands.add_parser("train", help="train a codec on a mapping run's pictures"))
     _differences(commands.add_parser("differences", help="make difference pictures to train on"))
-    _run(commands.add_parser("run", help="code the frames of `nvsprior bench --paper`"))
+    _run(commands.add_parser("run", help="code the frames of `nvsprior-lab paper bench`"))
     _starts(commands.add_parser("starts", help="train a pose regressor, and write starts for a run's frames"))
     _convert(commands.add_parser("convert", help="convert a COLMAP or LLFF data set to our camera file"))
     _plot(commands.add_parser("plot", help="draw training curves"))
@@ -102,9 +102,9 @@ def write_differences(options: argparse.Namespace) -> None:
 
 
 def _run(options: argparse.ArgumentParser) -> None:
-    options.add_argument("--exchange", type=Path, required=True, help="DIR/exchange of `bench --paper --report DIR`")
+    options.add_argument("--exchange", type=Path, required=True, help="DIR/exchange of `paper bench --report DIR`")
     options.add_argument("--weights", type=Path, required=True, nargs="+", help="weights files of `train`")
-    options.add_argument("--out", type=Path, required=True, help="folder for `bench --paper --learned`")
+    options.add_argument("--out", type=Path, required=True, help="folder for `paper bench --learned`")
     options.set_defaults(command=run)
 
 
@@ -136,7 +136,7 @@ def _starts(options: argparse.ArgumentParser) -> None:
     options.add_argument("--frames-split", help="only this split of them")
     options.add_argument("--curve", type=Path, required=True, help="CSV of the training curve to write")
     options.add_argument(
-        "--out", type=Path, nargs="+", required=True, help="CSV for `bench --paper --starts`, one for each of --frames"
+        "--out", type=Path, nargs="+", required=True, help="CSV for `paper bench --starts`, one for each of --frames"
     )
     options.set_defaults(command=starts)
 

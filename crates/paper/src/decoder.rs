@@ -44,7 +44,7 @@ impl Decoder {
             self.view.as_mut().ok_or(Error::SessionUnknown)?;
         let mut shown = Picture::new(camera.width, camera.height);
         if let Some(payload) = packet.payload {
-            webp.decode(payload.whole, payload.bytes, difference)?;
+            webp.decode(payload, difference)?;
         }
         renderer.coded_picture(&packet.pose.words(), &mut shown)?;
         if packet.payload.is_some() {

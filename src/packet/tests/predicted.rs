@@ -173,7 +173,7 @@ fn damage_is_found() {
 
 #[test]
 fn a_vehicle_predicts_from_what_is_acknowledged() {
-    let mut sent = SentPoses::new();
+    let mut sent = SentPoses::default();
     let latent = |n: u32| stated(n, moving(n.into(), 1.0));
     let add = |sent: &mut SentPoses, n| {
         let written = sent.predicted(&latent(n), &SESSION).unwrap();

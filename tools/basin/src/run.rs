@@ -26,6 +26,18 @@ pub enum Run {
     T7,
 }
 
+/// The run of a name.
+impl std::str::FromStr for Run {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Run, String> {
+        let named = Run::ALL.into_iter().find(|run| run.name() == name);
+        named.ok_or_else(|| {
+            format!("no such run; there are: {}", Run::ALL.map(Run::name).join(", "))
+        })
+    }
+}
+
 impl Run {
     pub const ALL: [Run; 7] = [Run::T1, Run::T2, Run::T3, Run::T4, Run::T5, Run::T6, Run::T7];
 

@@ -1,10 +1,12 @@
-//! What the simulated link (`nvsprior link`) shares with the programs of a working one (`nvsprior vehicle`, `channel`
-//! and `console`): the channel, and the order of frames. The ends are [`nvsprior_link`].
+//! The simulated link (`nvsprior link`), and what it shares with the programs of a working one (`nvsprior vehicle`,
+//! `channel` and `console`): the channel, and the order of frames. The ends are [`nvsprior_link`].
 
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
 pub mod channel;
+#[cfg(feature = "simulation")]
+pub mod link;
 
 /// Which of `count` frames comes at place `k`, if they are gone through forth and back.
 pub fn forth_and_back(k: usize, count: usize) -> usize {

@@ -1,10 +1,10 @@
 //! How many bytes a frame takes as the site ages, and what streams and mapping anew do about it.
 //!
 //!     make ageing
-//!     cargo run --release -p nvsprior-cli --example ageing -- PROGRAM PRIOR OUT [FRAMES [RATE]]
+//!     cargo run --release -p nvsprior-cli --example ageing -- PROGRAMS PRIOR OUT [FRAMES [RATE]]
 //!
 //! Five dives of the basin, 0 to 26 weeks after the mapping run, FRAMES (40) each at RATE (3) per second, 33 dB. Each
-//! way runs `nvsprior` as a person would. OUT gets a folder for each dive and way, `ageing.csv` and `ageing.svg`. Bytes
+//! way runs `nvsprior` as a person would, from the folder PROGRAMS. OUT gets a folder for each dive and way, `ageing.csv` and `ageing.svg`. Bytes
 //! are means per frame. What is there already is not done again.
 
 use std::path::{Path, PathBuf};
@@ -36,9 +36,9 @@ const WAYS: [Way; 3] = [
     Way { name: "mapped after each dive", folder: "mapped", is_stream: false, maps: true },
 ];
 
-/// The run of the program.
+/// The runs of the programs.
 struct Site {
-    program: PathBuf,
+    programs: PathBuf,
     out: PathBuf,
     frames: String,
     rate: String,
@@ -46,12 +46,12 @@ struct Site {
 
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [program, prior, out, options @ ..] = &arguments[..] else {
-        anyhow::bail!("PROGRAM PRIOR OUT [FRAMES [RATE]]");
+    let [programs, prior, out, options @ ..] = &arguments[..] else {
+        anyhow::bail!("PROGRAMS PRIOR OUT [FRAMES [RATE]]");
     };
     let option = |at: usize, usual: &str| options.get(at).map_or(usual, String::as_str).to_owned();
     let (frames, rate) = (option(0, "40"), option(1, "3"));
-    let site = Site { program: program.into(), out: out.into(), frames, rate };
+    let site = Site { programs: programs.into(), out: out.into(), frames, rate };
     std::fs::create_dir_all(&site.out).with_context(|| out.clone())?;
     for dive in 1..=WEEKS.len() {
         site.draw(dive)?;
@@ -76,16 +76,16 @@ fn main() -> anyhow::Result<()> {
 }
 
 impl Site {
-    /// Runs the program, unless the file that it ends with is there.
-    fn run(&self, arguments: &str, last: &str) -> anyhow::Result<()> {
+    /// Runs a program, unless the file that it ends with is there.
+    fn run(&self, program: &str, arguments: &str, last: &str) -> anyhow::Result<()> {
         if Path::new(last).exists() {
             return Ok(());
         }
-        let mut command = Command::new(&self.program);
-        let output = command.args(arguments.split_whitespace()).output();
-        let output = output.with_context(|| self.program.display().to_string())?;
+        let program = self.programs.join(program);
+        let output = Command::new(&program).args(arguments.split_whitespace()).output();
+        let output = output.with_context(|| program.display().to_string())?;
         let said = String::from_utf8_lossy(&output.stderr);
-        ensure!(output.status.success(), "nvsprior {arguments}: {said}");
+        ensure!(output.status.success(), "{} {arguments}: {said}", program.display());
         Ok(())
     }
 
@@ -101,7 +101,7 @@ impl Site {
         let (Site { frames, rate, .. }, weeks) = (self, WEEKS[dive - 1]);
         let out = self.folder(dive, "");
         let what = format!("--run T4 --dive {dive} --age {weeks} --frames {frames} --rate {rate}");
-        self.run(&format!("demo --draw-only {what} --out {out}"), &self.cameras(dive))
+        self.run("nvsprior-lab", &format!("draw {what} --out {out}"), &self.cameras(dive))
     }
 
     /// Encodes a dive; mean bytes of a frame.
@@ -111,7 +111,7 @@ impl Site {
         let summary = format!("{folder}/summary.json");
         let files = format!("--packets {folder} --summary {summary}");
         let input = format!("--prior {} --cameras {cameras}", prior.display());
-        self.run(&format!("encode {input} --psnr {PSNR} {mode} {files}"), &summary)?;
+        self.run("nvsprior", &format!("encode {input} --psnr {PSNR} {mode} {files}"), &summary)?;
         let summary = std::fs::read_to_string(summary)?;
         let summary: Value = serde_json::from_str(&summary)?;
         let frames = summary["frames"].as_array().context("no frames")?;
@@ -126,7 +126,7 @@ impl Site {
         }
         let next = format!("{}/next.nvsg", self.folder(dive, way.folder));
         let input = format!("--from {} --cameras {}", prior.display(), self.cameras(dive));
-        self.run(&format!("map {input} --held-out 0 --out {next}"), &next)?;
+        self.run("nvsprior", &format!("map {input} --held-out 0 --out {next}"), &next)?;
         Ok(next.into())
     }
 }

@@ -72,7 +72,6 @@ fn run_of(
         split: Some(split.into()),
         limit: None,
         size: SizeArgs::default(),
-        start_offset: None,
         starts: "camera-file".into(),
     };
     let frames = input.frames()?;

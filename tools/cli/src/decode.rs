@@ -33,8 +33,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
     /// Folder for the pictures; made if it is missing
-    #[arg(long, value_name = "DIR")]
-    frames: PathBuf,
+    #[arg(long, alias = "frames", value_name = "DIR")]
+    pictures: PathBuf,
     #[command(flatten)]
     truth: TruthArgs,
     /// Folder for what is known of each picture if it is memory, NAME.png: grey, a pixel for a block of 16×16. 0: the
@@ -45,7 +45,7 @@ pub struct Args {
     /// `known` (the prior's unit) and `known_angle` (degrees), empty if it is not
     #[arg(long, value_name = "FILE", value_parser = values::csv)]
     track: Option<PathBuf>,
-    /// Filter the pictures by a small network, with the prior's weights (`nvsprior filter`), or with the
+    /// Filter the pictures by a small network, with the prior's weights (`nvsprior prior filter`), or with the
     /// library's. They look more like what the camera saw, if the network knows the scene
     #[arg(long)]
     filter: bool,
@@ -67,7 +67,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let keys = args.key.open()?;
     let packets = values::files(&args.packets, "nvsp", "packets")?;
-    values::make_folder("--frames", &args.frames)?;
+    values::make_folder("--pictures", &args.pictures)?;
     args.truth.check()?;
     if let Some(file) = &args.track {
         values::check_file("--track", file)?;
@@ -179,7 +179,7 @@ fn decode(
     }
     let name = path.with_extension("png");
     let name = Path::new(name.file_name().context("a packet without a name")?);
-    nvsprior_runs::write_png(&args.frames.join(name), &decoded.picture)?;
+    nvsprior_runs::write_png(&args.pictures.join(name), &decoded.picture)?;
     args.truth.write(name, &decoded.picture, &decoded.truth)?;
     if let Some(doubt) = doubt {
         doubt.write(name, decoder, &decoded.pose)?;

@@ -1,20 +1,13 @@
 //! `nvsprior demo`: the whole job on the embedded scene, and runs of the scenes that are only drawn.
 
-mod drawing;
-mod rig;
-mod video;
-
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use nvsprior_basin::{Conditions, Dive, Site};
+use nvsprior::Camera;
+use nvsprior_basin::{Dive, Rig, Run, Site, camera_of_width};
 use nvsprior_demo::{Job, draw_dive};
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use nvsprior_inputs::values;
-
-use drawing::{SceneArgs, draw_mapping_run};
-use rig::CourseArg;
-use video::VideoArgs;
 
 /// Run the whole job on a scene that the program draws itself
 ///
@@ -30,32 +23,33 @@ pub struct Args {
     /// Frames of each inspection run
     #[arg(long, value_name = "N", default_value = "5")]
     frames: NonZeroUsize,
-    /// How many of them are searched by the paper's BFGS, too: it takes seconds for each
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = values::count)]
-    bfgs_frames: usize,
-    /// Quality of the difference pictures, 0 to 100
-    #[arg(long, value_name = "Q", default_value_t = 20.0)]
-    quality: f32,
-    /// Also draws this many views from random places of the basin, to test the search for lost
-    /// cameras (`nvsprior bench --lost`)
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = values::count)]
-    views: usize,
-    #[command(flatten)]
-    scene: SceneArgs,
-    /// Only draws the site's mapping run, M1, M2, M3 or M4, that a prior is trained from
-    #[arg(long, conflicts_with_all = ["run", "draw_only"])]
-    mapping_run: bool,
-    /// Course of the tower's mapping run; both if it is not there
-    #[arg(long, value_name = "COURSE", value_enum, requires = "mapping_run")]
-    course: Option<CourseArg>,
+    /// Only this run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5 (months
+    /// later: more of it, and a pipe that has fallen). T3 along a quay, T6 along three structures and T7 at a tower in
+    /// black water are drawn, and not encoded: no prior of them comes with the program
+    #[arg(long, value_name = "RUN")]
+    run: Option<Run>,
     /// Only draws: writes each run's frames and camera file, beside them the basin's prior, and opens no device
     #[arg(long)]
     draw_only: bool,
-    #[command(flatten)]
-    video: VideoArgs,
+    /// Frames per second of the runs
+    #[arg(long, alias = "rate", value_name = "FPS", default_value_t = nvsprior_basin::FRAME_RATE,
+        value_parser = values::frame_rate, allow_hyphen_values = true)]
+    fps: f64,
+    /// Width of the pictures. Height and focal length follow: 16:9, the same field of view
+    #[arg(long, value_name = "PIXELS", default_value_t = nvsprior_basin::CAMERA.width,
+        value_parser = clap::value_parser!(u32).range(LEAST_WIDTH..=i64::from(Camera::MAX_SIDE)))]
+    width: u32,
+    /// Quality of the difference pictures, 0 to 100
+    #[arg(long, value_name = "Q", default_value_t = 20.0)]
+    quality: f32,
     #[command(flatten)]
     device: DeviceArgs,
 }
+
+/// Narrower pictures show too little of the scene to search by.
+const LEAST_WIDTH: i64 = 160;
+/// Frames that are searched by the paper's BFGS, too: it takes seconds for each.
+const BFGS_FRAMES: usize = 1;
 
 /// What `nvsprior demo` has decode its packets, in a process of its own.
 #[derive(clap::Args)]
@@ -68,27 +62,21 @@ pub fn serve(args: &TopsideArgs) -> anyhow::Result<()> {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    if let Some(file) = args.video.file() {
-        return args.video.draw(file);
-    }
     values::make_folder("--out", &args.out)?;
-    let site = args.scene.site()?;
-    if args.mapping_run {
-        let run = args.scene.mapping_run(args.course)?;
-        return draw_mapping_run(&args.out, args.scene.camera()?, run);
-    }
-    let dives = args.scene.dives()?;
+    let runs = args.run.map_or(vec![Run::T1, Run::T2], |run| vec![run]);
+    let site = runs[0].site();
+    let dives =
+        runs.into_iter().map(|run| Dive { rate: args.fps, ..Dive::of(run) }).collect::<Vec<_>>();
     if site == Site::Basin && !args.draw_only {
-        encode_basin(args, dives)?;
-    } else {
-        draw_dives(args, &dives)?;
+        return encode_basin(args, dives);
     }
-    if site == Site::Basin && args.draw_only {
+    draw_dives(args, site, &dives)?;
+    if site == Site::Basin {
         let prior = args.out.join("prior.nvsg");
         nvsprior::prior::replace_file(&prior, nvsprior_basin::PRIOR)?;
         println!("the prior is {}", prior.display());
     }
-    draw_views(args)
+    Ok(())
 }
 
 /// The whole job, on the site whose prior comes with the program.
@@ -96,35 +84,26 @@ fn encode_basin(args: &Args, dives: Vec<Dive>) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let job = Job {
         out: args.out.clone(),
-        camera: args.scene.camera()?,
+        camera: camera_of_width(args.width),
         dives,
         frames: args.frames.get(),
-        bfgs_frames: args.bfgs_frames,
+        bfgs_frames: BFGS_FRAMES,
         quality: args.quality,
     };
     nvsprior_demo::run(&job, &engine)?;
     args.device.check(&engine)
 }
 
-fn draw_dives(args: &Args, dives: &[Dive]) -> anyhow::Result<()> {
+fn draw_dives(args: &Args, site: Site, dives: &[Dive]) -> anyhow::Result<()> {
+    let camera = match site.has_lamps() {
+        true => Rig::default().pinhole(args.width),
+        false => camera_of_width(args.width),
+    };
     for dive in dives {
         let bar = progress(args.frames.get(), "drawing an inspection run");
-        draw_dive(&args.out, args.scene.camera()?, dive, args.frames.get(), |_| bar.inc(1))?;
+        draw_dive(&args.out, camera, dive, args.frames.get(), |_| bar.inc(1))?;
         bar.finish_and_clear();
         println!("the inspection run is in {}", args.out.join(dive.run.name()).display());
     }
-    Ok(())
-}
-
-/// Draws the views from random places, if any are asked for.
-fn draw_views(args: &Args) -> anyhow::Result<()> {
-    if args.views == 0 {
-        return Ok(());
-    }
-    let camera = args.scene.camera()?;
-    let bar = progress(args.views, "drawing random views");
-    let views = nvsprior_basin::random_views(camera, args.views, Conditions::CALM);
-    nvsprior_basin::write_run(&args.out.join("views"), "views", camera, views, |_| bar.inc(1))?;
-    bar.finish_and_clear();
     Ok(())
 }

@@ -7,11 +7,9 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::ValueEnum;
-use nvsprior::packet::PoseProfile;
-use nvsprior::render::Jacobian;
-use nvsprior::residual::{Interest, ResidualCoder};
+use nvsprior::residual::Interest;
 use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate, RenderChecks};
-use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
@@ -21,18 +19,21 @@ use nvsprior_inputs::video_input::VideoInputArgs;
 use nvsprior_link::keys::Keys;
 
 use crate::keyed_files::FileTags;
-use crate::summary::{self, Row};
 use frames::Frames;
+use nvsprior_inputs::summary::{self, Row};
 use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Encode the frames of a camera file, or of a video, to packets
 ///
-/// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV file), moved by
-/// --start-offset. Each later one starts from the pose that constant velocity predicts. If that fails (--threshold), it
-/// starts from a pose given for it with --starts. `time` in cameras.json, or the CSV file, says when a frame was taken.
+/// Frames are taken in time order. The first one starts from its pose in the camera file (or the CSV file). Each later
+/// one starts from the pose that constant velocity predicts. If that fails (--threshold), it starts from a pose given
+/// for it with --starts. `time` in cameras.json, or the CSV file, says when a frame was taken.
 #[derive(clap::Args)]
-#[command(mut_arg("cameras", |arg| arg.required(false).required_unless_present("video")))]
+#[command(
+    mut_arg("cameras", |arg| arg.required(false).required_unless_present("video")),
+    arg = optimizer()
+)]
 pub struct Args {
     #[command(flatten)]
     prior: PriorArgs,
@@ -66,8 +67,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE", value_parser = values::csv)]
     track: Option<PathBuf>,
     /// Folder for the reconstructed pictures (PNG), as the topside will see them
-    #[arg(long, value_name = "DIR")]
-    frames_out: Option<PathBuf>,
+    #[arg(long, alias = "frames-out", value_name = "DIR")]
+    pictures: Option<PathBuf>,
     /// Contact sheet to write (PNG): camera | render | difference | reconstruction
     #[arg(long, value_name = "FILE", value_parser = values::png)]
     sheet: Option<PathBuf>,
@@ -75,25 +76,46 @@ pub struct Args {
     device: DeviceArgs,
 }
 
+/// The one optimiser that there is; the others are `nvsprior-lab paper encode`'s.
+fn optimizer() -> clap::Arg {
+    clap::Arg::new("optimizer").long("optimizer").hide(true).value_parser(["gauss-newton"])
+}
+
 /// The part of the picture that gets more of the bits.
 #[derive(clap::Args)]
 struct InterestArgs {
     /// Rectangle that gets more of the bits, pixels: left, top, width, height. All else gets fewer; --psnr stays that
-    /// of the whole picture
-    #[arg(long, value_name = "X,Y,W,H", value_parser = values::rectangle)]
-    region: Option<[u32; 4]>,
-    /// How many times more an error in --region counts than one beside it
-    #[arg(long, value_name = "N", default_value_t = 8, requires = "region",
-        value_parser = clap::value_parser!(u8).range(1..))]
-    region_weight: u8,
+    /// of the whole picture. WEIGHT: how many times more an error there counts than one beside it; 8 if it is left out
+    #[arg(long, value_name = "X,Y,W,H[,WEIGHT]", value_parser = region)]
+    region: Option<RegionArg>,
+}
+
+#[derive(Clone, Copy)]
+struct RegionArg {
+    rectangle: [u32; 4],
+    weight: u8,
+}
+
+/// A rectangle, and its weight if that is stated.
+fn region(text: &str) -> Result<RegionArg, String> {
+    if text.split(',').count() < 5 {
+        return Ok(RegionArg { rectangle: values::rectangle(text)?, weight: 8 });
+    }
+    let (rectangle, weight) = text.rsplit_once(',').unwrap_or_default();
+    match weight.trim().parse() {
+        Ok(weight @ 1..) => Ok(RegionArg { rectangle: values::rectangle(rectangle)?, weight }),
+        _ => Err("the weight must be a whole number from 1 to 255".into()),
+    }
 }
 
 impl InterestArgs {
     fn interest(&self, camera: &Camera) -> Result<Option<Interest>, values::WrongUsage> {
-        let Some([x, y, width, height]) = self.region else { return Ok(None) };
+        let Some(RegionArg { rectangle: [x, y, width, height], weight }) = self.region else {
+            return Ok(None);
+        };
         let size = (camera.width, camera.height);
         let (x, y) = (x..x.saturating_add(width), y..y.saturating_add(height));
-        let interest = Interest::rectangle(size, x, y, self.region_weight);
+        let interest = Interest::rectangle(size, x, y, weight);
         let wrong = |error| values::WrongUsage(format!("--region: {error}"));
         interest.map(Some).map_err(wrong)
     }
@@ -101,35 +123,22 @@ impl InterestArgs {
 
 /// How to find poses.
 #[derive(clap::Args)]
-pub struct RefineArgs {
-    /// Optimiser
-    #[arg(long, value_enum, default_value = "gauss-newton")]
-    pub optimizer: OptimizerArg,
-    /// Pose Jacobian of gauss-newton
-    #[arg(long, value_enum, default_value = "flow")]
-    pub jacobian: JacobianArg,
-    /// Mean squared error (values in [0, 1]): the gradient methods start from the frame before only if the error there
-    /// is below this (1e-2 suits real footage); gauss-newton uses it only if the prior shows too little to tell whether
-    /// a pose is right
+struct RefineArgs {
+    /// Mean squared error (values in [0, 1]) below which a pose is right, used only if the prior shows too little to
+    /// tell (1e-2 suits real footage)
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
-    pub threshold: f64,
+    threshold: f64,
     /// Most time that a frame takes, milliseconds. Once it is up, the best pose so far is sent, and the next frames
     /// search on. One render and one coding must fit; less than that on this device is refused [default: as long as
     /// the search takes]
     #[arg(long, value_name = "MS", value_parser = values::milliseconds)]
-    pub frame_time: Option<Duration>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-pub enum JacobianArg {
-    Flow,
-    Exact,
+    frame_time: Option<Duration>,
 }
 
 /// How fine the difference picture is.
 #[derive(clap::Args)]
 struct RateArgs {
-    /// Coder of the difference picture: `wavelet` knows the render, `webp` is the paper's
+    /// The difference picture: coded by the `wavelet` coder, or `none`: the packet is the pose alone
     #[arg(long, value_enum, default_value = "wavelet")]
     residual: ResidualArg,
     /// Quality of the difference picture, 0 to 100 [default: 10]
@@ -148,22 +157,12 @@ struct RateArgs {
     /// Leave out the truth map, which tells the topside which parts of the picture are not what the camera saw
     #[arg(long)]
     no_truth: bool,
-    /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
-    #[arg(long, value_enum, default_value = "compact")]
-    profile: ProfileArg,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum ResidualArg {
     Wavelet,
-    Webp,
     None,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum ProfileArg {
-    Compact,
-    Paper,
 }
 
 impl RateArgs {
@@ -175,27 +174,6 @@ impl RateArgs {
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
         (self.residual != ResidualArg::None).then_some(rate)
-    }
-
-    fn coder(&self) -> ResidualCoder {
-        match self.residual {
-            ResidualArg::Webp => ResidualCoder::Webp,
-            ResidualArg::Wavelet | ResidualArg::None => ResidualCoder::Wavelet,
-        }
-    }
-}
-
-impl RefineArgs {
-    /// Encoder options with these refinement options, the rest at their defaults.
-    pub fn options(&self) -> EncoderOptions {
-        let (threshold, frame_time) = (self.threshold, self.frame_time);
-        let mut options = EncoderOptions { threshold, frame_time, ..Default::default() };
-        options.refine.optimizer = self.optimizer.into();
-        options.refine.jacobian = match self.jacobian {
-            JacobianArg::Flow => Jacobian::Flow,
-            JacobianArg::Exact => Jacobian::Exact,
-        };
-        options
     }
 }
 
@@ -215,8 +193,8 @@ fn check_times(frames: &[Input]) -> anyhow::Result<()> {
 /// Makes the folders, and finds out before any work whether the files can be written.
 fn check_outputs(args: &Args) -> Result<(), OutputError> {
     values::make_folder("--packets", &args.packets)?;
-    if let Some(folder) = &args.frames_out {
-        values::make_folder("--frames-out", folder)?;
+    if let Some(folder) = &args.pictures {
+        values::make_folder("--pictures", folder)?;
     }
     if let Some(file) = &args.summary {
         values::check_file("--summary", file)?;
@@ -239,9 +217,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let interest = args.interest.interest(&camera)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
-    let mut options = args.refine.options();
+    let RefineArgs { threshold, frame_time } = args.refine;
+    let mut options = EncoderOptions { threshold, frame_time, ..Default::default() };
     options.rate = args.rate.rate(keys.as_ref().map_or(0, Keys::overhead));
-    options.residual = args.rate.coder();
     options.mode = mode;
     options.tune = args.tune.tune();
     if options.mode != Mode::Intra && !engine.device().portable {
@@ -250,10 +228,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     options.render_checks = RenderChecks::every(args.rate.render_check);
     options.truth = !args.rate.no_truth;
     options.frames_treated = args.frames_treated;
-    options.profile = match args.rate.profile {
-        ProfileArg::Compact => PoseProfile::Compact,
-        ProfileArg::Paper => PoseProfile::Paper,
-    };
     let mut encoder = Encoder::new(&engine, &scene, &camera, options)?;
     encoder.set_interest(interest);
     let mut tags = FileTags::new(keys.as_ref());
@@ -310,7 +284,7 @@ fn encode(
     let packet = args.packets.join(&input.name).with_added_extension("nvsp");
     std::fs::write(&packet, tags.put(&encoded.packet))
         .with_context(|| format!("writing {}", packet.display()))?;
-    if let Some(folder) = &args.frames_out {
+    if let Some(folder) = &args.pictures {
         let path = folder.join(&input.name).with_added_extension("png");
         nvsprior_runs::write_png(&path, &encoded.picture)?;
     }

@@ -10,15 +10,15 @@ use nvsprior::filter_weights::FilterWeights;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 use nvsprior::prior::PoseTrials;
 
-use crate::key_frames;
 use crate::mission::MissionArgs;
+use crate::prior::key_frames;
 use crate::{record, row};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::values;
 
 /// Print what is in a prior, and which parts are left out because no picture shows them
 ///
-/// With a camera file, also print what a mission's views do not show. `nvsprior trim` writes a prior without it.
+/// With a camera file, also print what a mission's views do not show. `nvsprior prior trim` writes a prior without it.
 #[derive(clap::Args)]
 pub struct Args {
     /// The trained scene, .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the format

@@ -22,8 +22,8 @@ use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{Besides, Extras};
 use nvsprior::{Engine, Prior, RenderOptions};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs, progress};
+use nvsprior_inputs::statistics::median;
 use nvsprior_inputs::values;
-use nvsprior_lab::bench::median;
 use nvsprior_train::doubt::doubt_of;
 use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{MapOptions, Mapper};
@@ -66,9 +66,6 @@ pub struct Args {
     /// Train for so long instead
     #[arg(long, value_name = "M", value_parser = minutes)]
     minutes: Option<f64>,
-    /// Share of SSIM in the loss, beside the error of each value
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = values::share)]
-    ssim: f32,
     /// Errors below it, of 1, count by their squares, larger ones as they are (Huber's loss); 0: all as they are
     #[arg(long, value_name = "ERROR", default_value_t = 0.1, value_parser = values::share)]
     knee: f32,
@@ -137,7 +134,6 @@ impl Args {
             seed: self.seed,
             ..MapOptions::default()
         };
-        options.schedule.ssim = self.ssim;
         options.schedule.knee = self.knee;
         match from {
             Some(prior) => self.from.options(prior, self.splats, options),
@@ -346,7 +342,7 @@ impl Made<'_> {
         if let Err(error) = file.and_then(|file| file.save_extras(&extras)) {
             tell!(
                 "warning: {error:#}; the prior does not say how far pictures and poses are off; \
-                 `nvsprior doubt` adds the former"
+                 `nvsprior prior doubt` adds the former"
             );
         }
         Ok(())

@@ -85,7 +85,6 @@ fn inputs(args: &MappingRunArgs, cameras: &Path) -> anyhow::Result<Vec<Input>> {
         split: args.split.clone(),
         limit: None,
         size: args.size.clone(),
-        start_offset: None,
         starts: "camera-file".into(),
     };
     input.frames()

@@ -19,14 +19,16 @@ pub struct MissionArgs {
     split: Option<String>,
     #[command(flatten)]
     size: SizeArgs,
-    /// How far cameras may stand from the camera file's, in the prior's unit
-    #[arg(long, value_name = "LENGTH", default_value_t = 0.0, value_parser = values::not_negative,
+    /// How far cameras may stand from the camera file's, in the prior's unit, and how far they may be turned from them,
+    /// degrees
+    #[arg(long, value_name = "LENGTH[,DEGREES]", default_value = "0", value_parser = margin,
         allow_hyphen_values = true)]
-    margin_distance: f64,
-    /// How far they may be turned from them, degrees
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, value_parser = values::not_negative,
-        allow_hyphen_values = true)]
-    margin_angle: f64,
+    margin: Margin,
+}
+
+fn margin(text: &str) -> Result<Margin, String> {
+    let (distance, angle) = values::pair(text)?;
+    Ok(Margin { distance, angle: angle.unwrap_or(0.0).to_radians() })
 }
 
 /// One view and, if its file is there, what the camera saw, treated.
@@ -56,8 +58,7 @@ impl MissionArgs {
         anyhow::ensure!(!views.is_empty(), "{}: no view has a pose", cameras.display());
         let apart = |view: &&View| self.split.is_some() && view.split != self.split;
         let others: Vec<View> = file.views.iter().filter(apart).cloned().collect();
-        let angle = self.margin_angle.to_radians();
-        let margin = Margin { distance: self.margin_distance, angle };
+        let margin = self.margin;
         let others = self.posed_frames(&others, &mut preprocessor)?;
         Ok(Mission { margin, views, others })
     }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use nvsprior::render::{Plan, Renderer, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
-use nvsprior_lab::bench::median;
+use nvsprior_inputs::statistics::median;
 
 /// Draws a prior's 8-bit pictures, for any camera.
 pub struct PictureRenderer {

@@ -69,7 +69,7 @@ pub struct Args {
     /// 5600. Takes GStreamer
     #[arg(long, value_name = "HOST:PORT", value_parser = endpoint::remote)]
     rtp: Option<SocketAddr>,
-    /// Filter the picture by a small network that knows the scene (the prior's weights, which `nvsprior filter`
+    /// Filter the picture by a small network that knows the scene (the prior's weights, which `nvsprior prior filter`
     /// trains), or by the library's: always, never, or if the device is no CPU
     #[arg(long, value_name = "WHEN", default_value = "auto")]
     filter: FilterUse,
@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let prior = args.prior.open()?;
     if prior.extras().doubt.is_none() {
         let prior = args.prior.prior.display();
-        tell!("{prior}: without doubt: all that was not seen is doubtful (`nvsprior doubt`)");
+        tell!("{prior}: without doubt: all that was not seen is doubtful (`nvsprior prior doubt`)");
     }
     let engine = args.device.open()?;
     let prior_file = args.prior.prior.file_name().unwrap_or_default().display().to_string();

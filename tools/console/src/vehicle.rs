@@ -91,9 +91,6 @@ struct LinkArgs {
     /// Fewest bytes for a picture, all counted: below it frames are left out
     #[arg(long = "least", value_name = "BYTES", default_value_t = 100, value_parser = values::count)]
     min_bytes: usize,
-    /// Most modem frames of a packet [default: as many as MTU and rate take, 16 to 64]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
-    shares: Option<u16>,
 }
 
 impl Args {
@@ -112,7 +109,6 @@ impl Args {
             delay: link.delay,
             loss: Loss { chance: link.assume_loss, burst: link.burst },
             min_bytes: link.min_bytes,
-            max_shares: link.shares.map(usize::from),
             is_utc: true,
             keys: self.key.open()?,
             state,

@@ -5,12 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 use nvsprior::geometry::Lens;
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
-use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Prior, RenderOverrides};
 
@@ -154,7 +152,7 @@ impl Default for SizeArgs {
 }
 
 /// The width of the paper's frames, pixels.
-const WIDTH: u32 = 320;
+pub const WIDTH: u32 = 320;
 
 impl SizeArgs {
     /// Frames of at most this width.
@@ -170,39 +168,6 @@ impl SizeArgs {
     /// The camera at the size that its frames are encoded at.
     pub fn reduced(&self, camera: &Camera) -> Camera {
         camera.at_most_wide(self.width)
-    }
-}
-
-/// The optimisers by their names.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum OptimizerArg {
-    GaussNewton,
-    Bfgs,
-    Adam,
-    AdamBfgs,
-}
-
-impl From<OptimizerArg> for Optimizer {
-    fn from(arg: OptimizerArg) -> Optimizer {
-        match arg {
-            OptimizerArg::GaussNewton => Optimizer::GaussNewton,
-            OptimizerArg::Bfgs => Optimizer::Bfgs,
-            OptimizerArg::Adam => Optimizer::Adam,
-            OptimizerArg::AdamBfgs => Optimizer::AdamBfgs,
-        }
-    }
-}
-
-/// A pose step as τ = (ρx, ρy, ρz, θx, θy, θz), angles in degrees on the command line.
-#[derive(Clone, Copy)]
-pub struct StepArg(pub [f64; 6]);
-
-impl std::str::FromStr for StepArg {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<StepArg, String> {
-        let values = numbers::<6>(text)?;
-        Ok(StepArg(std::array::from_fn(|i| if i < 3 { values[i] } else { values[i].to_radians() })))
     }
 }
 
@@ -232,19 +197,4 @@ pub fn progress(length: usize, what: &'static str) -> ProgressBar {
 pub fn with_progress<T>(length: usize, what: &'static str, work: impl FnOnce(&dyn Fn()) -> T) -> T {
     let bar = progress(length, what);
     work(&|| bar.inc(1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn steps_are_six_finite_numbers() {
-        let step: StepArg = "0.08,-0.06,0.1,2,-2.5,180".parse().unwrap();
-        assert_eq!(step.0[1], -0.06);
-        assert_eq!(step.0[5], std::f64::consts::PI);
-        assert!("1,2,3".parse::<StepArg>().is_err());
-        assert!("1,2,3,4,5,nan".parse::<StepArg>().is_err());
-        assert!("1,2,3,4,5,x".parse::<StepArg>().is_err());
-    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use nvsprior::{Camera, Encoded, Encoder, FrameInfo, Picture, Pose};
 
-use crate::args::{SizeArgs, StepArg};
+use crate::args::SizeArgs;
 use crate::camera_file::{CameraFile, View};
 use crate::frame_file;
 use crate::values::{self, WrongUsage};
@@ -25,9 +25,6 @@ pub struct InputArgs {
     pub limit: Option<usize>,
     #[command(flatten)]
     pub size: SizeArgs,
-    /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
-    #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
-    pub start_offset: Option<StepArg>,
     /// Poses from outside: `none`, `first` (the camera file's, first frame only), `camera-file` (the camera file's,
     /// every frame), or a CSV file with the columns file,qw,qx,qy,qz,tx,ty,tz, and, if they are known, `time` (seconds)
     /// of the frame, `age` (seconds) of the pose, and its standard deviations srx,sry,srz (along the camera's axes, the
@@ -131,17 +128,13 @@ impl InputArgs {
         view: &View,
         csv: Option<&HashMap<String, FrameInfo>>,
     ) -> FrameInfo {
-        let mut known = match (csv, starts) {
+        let known = match (csv, starts) {
             (Some(frames), _) => frames.get(&view.name).copied().unwrap_or_default(),
             (None, "camera-file") => view.pose.into(),
             (None, "first") if index == 0 => view.pose.into(),
             _ => FrameInfo::default(),
         };
-        if let (Some(offset), Some(hint), 0) = (self.start_offset, &mut known.hint, index) {
-            hint.pose = hint.pose.stepped(&offset.0);
-        }
-        known.time = view.time.or(known.time);
-        known
+        FrameInfo { time: view.time.or(known.time), ..known }
     }
 }
 

@@ -1,6 +1,7 @@
-//! Whether frames are predicted from earlier ones: arguments of `encode` and `link`.
+//! Whether frames are predicted from earlier ones: an argument of `encode`, `link` and `vehicle`.
 
-use clap::ValueEnum;
+use std::str::FromStr;
+
 use nvsprior::{Mode, Structure};
 
 use crate::values;
@@ -8,32 +9,42 @@ use crate::values;
 /// Whether frames are predicted from earlier ones.
 #[derive(clap::Args)]
 pub struct ModeArgs {
-    /// `intra`: intra frames alone; `stream`: inter frames too, which are predicted from earlier ones and take fewer
-    /// bytes. A frame whose reference is missing is shown as the render alone. Needs the wavelet coder
-    #[arg(long, value_enum, default_value = "intra")]
+    /// `intra`: intra frames alone. All others have inter frames, too, which are predicted from a reference frame and
+    /// take fewer bytes; one whose reference is missing is shown as the render alone. The reference of `stream`, or
+    /// `chain`: the frame before; of `layers`: for every other frame one further back, so that fewer depend on each; of
+    /// `keys`: the last intra frame; of `acknowledged`: the newest one that the topside says it has, over a return
+    /// channel. N: an intra frame every N frames, so that a loss ends there; 16 if it is left out; 0: no more after the
+    /// first
+    #[arg(long, value_name = "MODE[:N]", default_value = "intra")]
     mode: ModeArg,
-    /// Of a stream: an intra frame every N frames, so that a loss ends there; 0: no more after the first
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = values::count)]
-    key_every: usize,
-    /// Of a stream: the reference of inter frames. `chain`: the frame before; `layers`: for every other frame one
-    /// further back, so that fewer depend on each; `keys`: the last intra frame; `acknowledged`: the newest one that
-    /// the topside says it has, over a return channel
-    #[arg(long, value_enum, default_value = "chain")]
-    structure: StructureArg,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ModeArg {
-    Intra,
-    Stream,
-}
+/// Frames from one intra frame to the next, if that is not stated.
+const KEY_EVERY: u32 = 16;
 
-#[derive(Clone, Copy, ValueEnum)]
-enum StructureArg {
-    Chain,
-    Layers,
-    Keys,
-    Acknowledged,
+#[derive(Clone, Copy)]
+struct ModeArg(Mode);
+
+impl FromStr for ModeArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<ModeArg, String> {
+        let (name, every) = text.split_once(':').map_or((text, None), |(name, n)| (name, Some(n)));
+        let key_every = every.map_or(Ok(KEY_EVERY), |n| {
+            n.parse().map_err(|_| format!("\"{n}\" is no number of frames"))
+        })?;
+        Ok(ModeArg(match (name, every) {
+            ("intra", None) => Mode::Intra,
+            ("acknowledged", None) => Mode::Stream(Structure::Acknowledged),
+            ("stream" | "chain", _) => Mode::Stream(Structure::Chain { key_every }),
+            ("layers", _) => Mode::Stream(Structure::Layers { key_every }),
+            ("keys", _) => Mode::Stream(Structure::Keys { key_every }),
+            _ => {
+                let known = "intra, stream[:N], chain[:N], layers[:N], keys[:N], acknowledged";
+                return Err(format!("there are {known}"));
+            }
+        }))
+    }
 }
 
 impl ModeArgs {
@@ -42,20 +53,13 @@ impl ModeArgs {
     /// # Errors
     /// If frames are to be predicted from acknowledged ones, and nothing acknowledges any.
     pub fn mode(&self, expect_reports: bool) -> Result<Mode, values::WrongUsage> {
-        let key_every = self.key_every.try_into().unwrap_or(0);
-        Ok(match (self.mode, self.structure) {
-            (ModeArg::Intra, _) => Mode::Intra,
-            (_, StructureArg::Chain) => Mode::Stream(Structure::Chain { key_every }),
-            (_, StructureArg::Layers) => Mode::Stream(Structure::Layers { key_every }),
-            (_, StructureArg::Keys) => Mode::Stream(Structure::Keys { key_every }),
-            (_, StructureArg::Acknowledged) if expect_reports => {
-                Mode::Stream(Structure::Acknowledged)
-            }
-            (_, StructureArg::Acknowledged) => {
-                let text = "--structure acknowledged: nothing acknowledges frames; it needs \
+        match self.mode.0 {
+            Mode::Stream(Structure::Acknowledged) if !expect_reports => {
+                let text = "--mode acknowledged: nothing acknowledges frames; it needs \
                             `nvsprior link --return-delay`";
-                return Err(values::WrongUsage(text.into()));
+                Err(values::WrongUsage(text.into()))
             }
-        })
+            mode => Ok(mode),
+        }
     }
 }

@@ -89,6 +89,14 @@ pub fn not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A number, and one behind a comma if that is stated; finite, not negative.
+pub fn pair(text: &str) -> Result<(f64, Option<f64>), String> {
+    match text.split_once(',') {
+        Some((first, second)) => Ok((not_negative(first)?, Some(not_negative(second)?))),
+        None => Ok((not_negative(text)?, None)),
+    }
+}
+
 /// A part of a whole.
 pub fn part(text: &str) -> Result<f64, String> {
     match number(text)? {

@@ -21,7 +21,7 @@ pub struct VideoInputArgs {
     /// lens only, and may be the folder of a COLMAP model, such as OUT.colmap; without it the lens is the one that the
     /// prior states. Frames are named by their number in the
     /// video, as 000123; --starts is `none`, or a CSV file with these names, or without a column `file` and with times
-    #[arg(long, value_name = "FILE", conflicts_with = "start_offset")]
+    #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
     /// Take at most so many frames per second of the video [default: all]
     #[arg(long, value_name = "FPS", requires = "video", value_parser = values::frame_rate)]

@@ -1,47 +1,43 @@
-//! `nvsprior bench`: run time and error of a prior on a run of frames, in one report.
+//! `nvsprior-lab bench`, and the measurements beside it: run time and error of a prior on a run of frames.
 
-mod ablation;
-mod codecs;
+pub mod ablation;
+pub mod codecs;
 mod commands;
 mod configurations;
 pub(crate) mod context;
 pub(crate) mod forward;
-mod frame_times;
+pub mod frame_times;
 mod optimum;
-mod paper;
+pub mod paper;
 pub(crate) mod perturbed;
 mod plot;
-mod poses;
+pub mod poses;
 mod print;
-mod recovery;
+pub mod recovery;
 pub(crate) mod report;
-mod scaling;
+pub mod scaling;
+pub(crate) mod searcher;
 mod similarity;
-mod site;
-mod sizes;
+pub mod site;
+pub mod sizes;
 pub(crate) mod stages;
-pub(crate) mod statistics;
 pub(crate) mod steady;
 mod tables;
 pub(crate) mod trials;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::builder::ArgPredicate;
-use nvsprior::Prior;
 use nvsprior::image::Preprocessor;
-use nvsprior::tracking::Optimizer;
 use nvsprior::vulkan::MemoryUse;
 
+use crate::args::{OptimizerArg, StepArg};
 use context::{Context, OptimizerRun, Shot, host_bytes};
 use forward::Forward;
-use nvsprior_inputs::args::{DeviceArgs, OptimizerArg, PriorArgs, progress, with_progress};
-use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
+use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::values;
-pub use perturbed::even;
-pub use plot::training as plot_training;
+use nvsprior_paper::Optimizer;
 use report::Report;
-pub use statistics::median;
 
 /// Measure run time and error on a run of frames; times are in milliseconds and in forward renders
 ///
@@ -50,17 +46,9 @@ pub use statistics::median;
 /// report.json, tables (CSV) and plots (SVG), and prints it all. A search has failed if its render
 /// stays more than 0.1 dB below that at the best known pose.
 #[derive(clap::Args)]
-#[command(
-    mut_arg("prior", |arg| arg.required(false).required_unless_present("site")
-        .default_value_if("site", ArgPredicate::IsPresent, NOT_GIVEN)),
-    mut_arg("cameras", |arg| arg.required(false).required_unless_present("site")
-        .default_value_if("site", ArgPredicate::IsPresent, NOT_GIVEN))
-)]
 pub struct Args {
     #[command(flatten)]
-    prior: PriorArgs,
-    #[command(flatten)]
-    input: InputArgs,
+    run: RunArgs,
     /// Gradient methods to compare with Gauss–Newton, which is always measured
     #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
     optimizers: Vec<OptimizerArg>,
@@ -73,108 +61,114 @@ pub struct Args {
     /// Frames that each setting is measured on, after a first one; 0: compare no settings
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = values::count)]
     configurations: usize,
-    /// Also measure time against the number of splats (to 2 million) and pixels (to 1280×720)
-    #[arg(long)]
-    scaling: bool,
+}
+
+/// The run that is measured on, and where the report goes.
+#[derive(clap::Args)]
+pub struct RunArgs {
     #[command(flatten)]
-    ablation: ablation::AblationArgs,
+    prior: PriorArgs,
     #[command(flatten)]
-    recovery: recovery::RecoveryArgs,
+    input: InputArgs,
     #[command(flatten)]
-    frame_times: frame_times::FrameTimesArgs,
-    #[command(flatten)]
-    codecs: codecs::CodecsArgs,
-    #[command(flatten)]
-    paper: paper::PaperArgs,
-    #[command(flatten)]
-    poses: poses::PosesArgs,
-    #[command(flatten)]
-    site: site::SiteArgs,
-    #[command(flatten)]
-    sizes: sizes::SizesArgs,
+    start: StartArgs,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
-    /// Folder for report.json, tables and plots; made if it is missing
-    #[arg(long, value_name = "DIR", default_value = "bench-out")]
-    report: PathBuf,
+    #[command(flatten)]
+    report: ReportArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
-/// The prior and the cameras of a bench that needs none: no file has this name.
-const NOT_GIVEN: &str = "/";
-
-/// Measures, prints, and writes the report. `demo_prior`: what `--site` copies if no prior is given.
-pub fn run(args: &Args, demo_prior: impl Fn() -> anyhow::Result<Prior>) -> anyhow::Result<()> {
-    let folder = &args.report;
-    values::make_folder("--report", folder)?;
-    if args.site.site {
-        let scene = || match args.prior.prior.as_os_str() == NOT_GIVEN {
-            true => demo_prior(),
-            false => args.prior.open(),
-        };
-        return site::run(&args.site, scene, &args.device, folder);
-    }
-    let (prior, input) = (&args.prior, &args.input);
-    if args.sizes.sizes {
-        return sizes::run(&args.sizes, prior, input, &args.device, folder);
-    }
-    let mut context = open(args, prior, input)?;
-    if args.ablation.ablation {
-        ablation::run(&args.ablation, &mut context, folder)?;
-        return args.device.check(&context.engine);
-    }
-    if args.recovery.recovery {
-        recovery::run(&args.recovery, &mut context, folder)?;
-        return args.device.check(&context.engine);
-    }
-    if let Some(bound) = args.frame_times.frame_times {
-        frame_times::run(bound, &mut context, folder)?;
-        return args.device.check(&context.engine);
-    }
-    if args.codecs.codecs {
-        codecs::run(&args.codecs, &mut context, folder)?;
-        return args.device.check(&context.engine);
-    }
-    if args.paper.paper {
-        paper::run(&args.paper, input, &mut context, folder)?;
-        return args.device.check(&context.engine);
-    }
-    if let Some(conditions) = &args.poses.poses {
-        poses::run(conditions, args.poses.poses_starts, &context, folder)?;
-        return args.device.check(&context.engine);
-    }
-    let report = measure(args, &mut context)?;
-    print::print(&context, &report);
-    report::write(&folder.join("report.json"), &context, &report)?;
-    tables::write(folder, &context, &report)?;
-    plot::trace(&folder.join("trace.svg"), &report.runs)?;
-    plot::trials(&folder.join("trials.svg"), &context, &report.trials())?;
-    plot::roofline(&folder.join("roofline.svg"), &report.stages)?;
-    if !report.configurations.is_empty() {
-        plot::configurations(&folder.join("configurations.svg"), &report.configurations)?;
-    }
-    if !report.scaling.is_empty() {
-        plot::scaling(&folder.join("scaling.svg"), &report.scaling)?;
-    }
-    args.device.check(&context.engine)
+/// Where the first frame's search starts.
+#[derive(clap::Args)]
+pub struct StartArgs {
+    /// Moves the first frame's start: ρx,ρy,ρz,θx,θy,θz in the prior's unit and degrees
+    #[arg(long, value_name = "STEP", allow_hyphen_values = true)]
+    start_offset: Option<StepArg>,
 }
 
-/// Reads the frames and uploads the prior.
-fn open(args: &Args, prior: &PriorArgs, input: &InputArgs) -> anyhow::Result<Context> {
-    prior.check_whole("for measurements")?;
-    let prior = prior.open()?;
-    let mut preprocessor = Preprocessor::new(prior.preprocessing());
-    let read = |input| Shot::read(input, &mut preprocessor);
-    let inputs = input.frames_from(args.paper.starts(input))?;
-    let shots = inputs.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
-    anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
-    let engine = args.device.open()?;
-    let scene = engine.upload(&prior)?;
-    let forward = Forward::new(&engine, &scene);
-    let (best, threshold, device_memory) = (Vec::new(), args.threshold, MemoryUse::default());
-    Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_memory })
+/// Where a report goes.
+#[derive(clap::Args)]
+pub struct ReportArgs {
+    /// Folder for the report, its tables and plots; made if it is missing
+    #[arg(long, value_name = "DIR", default_value = "bench-out")]
+    report: PathBuf,
+}
+
+impl StartArgs {
+    /// The frames of an input, the first one's start moved.
+    pub fn move_first(&self, inputs: &mut [Input]) {
+        let first = inputs.first_mut().and_then(|first| first.external.hint.as_mut());
+        if let (Some(StepArg(offset)), Some(hint)) = (&self.start_offset, first) {
+            hint.pose = hint.pose.stepped(offset);
+        }
+    }
+}
+
+impl ReportArgs {
+    /// The folder, which is there then.
+    fn folder(&self) -> anyhow::Result<&Path> {
+        values::make_folder("--report", &self.report)?;
+        Ok(&self.report)
+    }
+}
+
+impl RunArgs {
+    /// Reads the frames, uploads the prior, and measures into the report's folder.
+    fn measured(
+        &self,
+        measure: impl FnOnce(&mut Context, &Path) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        self.measured_from(&self.input.starts, measure)
+    }
+
+    /// As [`RunArgs::measured`], with other poses from outside than `--starts` says.
+    fn measured_from(
+        &self,
+        starts: &str,
+        measure: impl FnOnce(&mut Context, &Path) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let folder = self.report.folder()?;
+        let mut context = self.open(starts)?;
+        measure(&mut context, folder)?;
+        self.device.check(&context.engine)
+    }
+
+    fn open(&self, starts: &str) -> anyhow::Result<Context> {
+        self.prior.check_whole("for measurements")?;
+        let prior = self.prior.open()?;
+        let mut preprocessor = Preprocessor::new(prior.preprocessing());
+        let mut inputs = self.input.frames_from(starts)?;
+        self.start.move_first(&mut inputs);
+        let shots = inputs.iter().map(|input| Shot::read(input, &mut preprocessor));
+        let shots = shots.collect::<anyhow::Result<Vec<_>>>()?;
+        anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
+        let engine = self.device.open()?;
+        let scene = engine.upload(&prior)?;
+        let forward = Forward::new(&engine, &scene);
+        let (best, threshold) = (Vec::new(), self.threshold);
+        let device_memory = MemoryUse::default();
+        Ok(Context { engine, prior, scene, shots, best, forward, threshold, device_memory })
+    }
+}
+
+/// Measures, prints, and writes the report.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| {
+        let report = measure(args, context)?;
+        print::print(context, &report);
+        report::write(&folder.join("report.json"), context, &report)?;
+        tables::write(folder, context, &report)?;
+        plot::trace(&folder.join("trace.svg"), &report.runs)?;
+        plot::trials(&folder.join("trials.svg"), context, &report.trials())?;
+        plot::roofline(&folder.join("roofline.svg"), &report.stages)?;
+        if !report.configurations.is_empty() {
+            plot::configurations(&folder.join("configurations.svg"), &report.configurations)?;
+        }
+        Ok(())
+    })
 }
 
 fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
@@ -201,11 +195,7 @@ fn measure(args: &Args, context: &mut Context) -> anyhow::Result<Report> {
             configurations::measure(context, args.configurations, &runs, done)
         })?;
     }
-    let mut scaling = Vec::new();
-    if args.scaling {
-        scaling = with_progress(scaling::COUNT, "sizes", |done| scaling::measure(context, done));
-    }
-    Ok(Report { runs, rates, near, far, stages, configurations, scaling, host_bytes_steady })
+    Ok(Report { runs, rates, near, far, stages, configurations, host_bytes_steady })
 }
 
 /// Goes on after each part.

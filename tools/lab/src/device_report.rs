@@ -1,6 +1,7 @@
-//! `nvsprior device-report`: all that is measured of a device in some minutes, in one report: `docs/latency.md`.
+//! `nvsprior-lab device-report`: all that is measured of a device in some minutes, in one report: `docs/latency.md`.
 
 mod coding;
+pub mod command;
 pub mod devices;
 mod host;
 mod model;
@@ -22,8 +23,8 @@ use nvsprior_kernels::modules;
 use serde::{Deserialize, Serialize};
 
 use crate::ceilings::{self, Ceilings, Clock};
-use crate::verify_device::verify;
 use host::Host;
+use nvsprior_reference::device_check::verify;
 use pace::Pace;
 use schema::{Best, DeviceFacts, Missing, Model, Report, VERSION};
 

@@ -13,8 +13,8 @@ use anyhow::Context as _;
 use nvsprior::render::inspection;
 use nvsprior::vulkan::Device;
 
-use crate::report::write_json;
 use lanes::{IDLE, Idle};
+use nvsprior_inputs::report::write_json;
 use row::Row;
 use table::Comparison;
 
@@ -91,7 +91,7 @@ fn compile(subgroup: u32) -> anyhow::Result<Vec<Row>> {
 /// As [`compile`], in a process of its own: the driver reads its orders from the environment once.
 fn in_child(subgroup: u32) -> anyhow::Result<Vec<Row>> {
     let mut command = Command::new(std::env::current_exe()?);
-    command.arg("--compile").arg(subgroup.to_string());
+    command.args(["gpu-check", "--compile"]).arg(subgroup.to_string());
     command.env("RADV_FORCE_FAMILY", "navi21").env("MESA_SHADER_CACHE_DISABLE", "true");
     match subgroup {
         32 => command.env("RADV_PERFTEST", "cswave32"),

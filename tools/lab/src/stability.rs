@@ -1,4 +1,4 @@
-//! `nvsprior stability`: runs extreme priors, pictures and numbers, and compares each with what is expected.
+//! `nvsprior-lab stability`: runs extreme priors, pictures and numbers, and compares each with what is expected.
 //!
 //! A group of cases is a file here, named in `GROUPS`. A case first says what is expected. Then it
 //! measures, with one row for each path that it runs on.

@@ -1,5 +1,5 @@
 //! Random extreme priors, poses and cameras: always finite numbers, typed errors, the same picture
-//! on both sides, and no message from the validation layer. `nvsprior stability --group random`
+//! on both sides, and no message from the validation layer. `nvsprior-lab stability --group random`
 //! runs thousands of them.
 
 #[path = "../../../tests/common/mod.rs"]

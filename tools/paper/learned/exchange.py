@@ -1,4 +1,4 @@
-"""The folder that `nvsprior bench --paper` writes for the learned codecs, and the one that it reads again."""
+"""The folder that `nvsprior-lab paper bench` writes for the learned codecs, and the one that it reads again."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def read(path: Path) -> Exchange:
         frames = [str(name) for name in content["frames"]]
         exchange = Exchange(path, str(content["set"]), int(content["width"]), int(content["height"]), frames)
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise FileError(manifest, f"cannot be read: {error}; `nvsprior bench --paper` writes it") from None
+        raise FileError(manifest, f"cannot be read: {error}; `nvsprior-lab paper bench` writes it") from None
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(manifest, f"not a manifest: {type(error).__name__} {error}") from None
     if not frames:

@@ -10,6 +10,8 @@
 #![allow(missing_docs)]
 
 pub mod bin;
+pub mod device_check;
+pub mod extreme;
 pub mod harmonics;
 pub mod loss;
 pub mod pose_jacobian;

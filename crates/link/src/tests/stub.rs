@@ -74,7 +74,7 @@ impl StubEncoder {
         StubEncoder {
             run,
             frame,
-            poses: predicts.then(SentPoses::new),
+            poses: predicts.then(SentPoses::default),
             session_age: None,
             acknowledged: Vec::new(),
             sent: VecDeque::new(),

@@ -133,7 +133,8 @@ impl WebpEncoder {
         if trial.payload.len() > max_payload_len(width, height) {
             return Err(WebpError::Encode(format!("{} bytes", trial.payload.len())));
         }
-        self.webp.decode(trial.whole, &trial.payload, &mut self.decoded)?;
+        let payload = Payload { whole: trial.whole, bytes: &trial.payload };
+        self.webp.decode(payload, &mut self.decoded)?;
         trial.reconstruction.data.copy_from_slice(&render.data);
         add(&self.decoded.data, &mut trial.reconstruction.data);
         trial.psnr = frame.psnr(&trial.reconstruction);

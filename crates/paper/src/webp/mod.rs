@@ -87,13 +87,12 @@ impl Webp {
         Ok(false)
     }
 
-    /// Decodes what [`Webp::encode`] made, into a picture of its size.
-    pub(crate) fn decode(
-        &mut self,
-        whole: bool,
-        payload: &[u8],
-        into: &mut Picture,
-    ) -> Result<(), WebpError> {
+    /// Decodes a payload of [`WebpEncoder`] into a difference picture of its size.
+    ///
+    /// # Errors
+    /// If it is no picture of that size.
+    pub fn decode(&mut self, payload: Payload, into: &mut Picture) -> Result<(), WebpError> {
+        let Payload { whole, bytes: payload } = payload;
         if whole {
             return self.decode_file(payload, into);
         }
@@ -212,7 +211,9 @@ mod tests {
         (width, height): (u32, u32),
     ) -> Result<Picture, WebpError> {
         let mut picture = Picture::new(width, height);
-        Webp::new(width, height).decode(whole, payload, &mut picture).map(|()| picture)
+        Webp::new(width, height)
+            .decode(Payload { whole, bytes: payload }, &mut picture)
+            .map(|()| picture)
     }
 
     #[test]
@@ -279,7 +280,8 @@ mod tests {
             let before = [payload.capacity(), webp.file.capacity(), webp.rebuilt.capacity()];
             for quality in [0.0, 30.0, 100.0] {
                 let whole = webp.encode(&picture, quality, &mut payload).unwrap();
-                webp.decode(whole, &payload, &mut Picture::new(width, height)).unwrap();
+                webp.decode(Payload { whole, bytes: &payload }, &mut Picture::new(width, height))
+                    .unwrap();
             }
             let (peak, room) = (webp.arena.peak(), arena_len(width, height));
             assert!(peak > 0 && peak * 5 < room * 4, "{width}×{height}: {peak} of {room}");

@@ -33,7 +33,6 @@ fn pairs_of(engine: &Engine, [prior, cameras, split]: &[String; 3]) -> anyhow::R
         split: (split != "-").then(|| split.clone()),
         limit: None,
         size: SizeArgs::default(),
-        start_offset: None,
         starts: "camera-file".into(),
     };
     let frames = input.frames()?;

@@ -21,7 +21,7 @@ impl DoubtFolder {
         let path = prior.prior.display();
         let prior = prior.open()?;
         if prior.extras().doubt.is_none() {
-            tell!("{path}: without doubt: all that is mapped is doubtful (`nvsprior doubt`)");
+            tell!("{path}: without doubt: all that is mapped is doubtful (`nvsprior prior doubt`)");
         }
         let view = DoubtView::new(engine, &prior)?;
         Ok(DoubtFolder { folder: folder.to_owned(), view, map: DoubtMap::default() })

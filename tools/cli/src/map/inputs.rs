@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use nvsprior::Camera;
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
-use nvsprior_inputs::args::{SizeArgs, progress};
+use nvsprior_inputs::args::{SizeArgs, WIDTH, progress};
 use nvsprior_inputs::points::{Point, read_points};
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, PosedPictures, posed_pictures};
 use nvsprior_inputs::values::{WrongUsage, make_folder};
@@ -43,16 +43,13 @@ pub struct InputArgs {
     /// The points to start from (PLY) [default: those of the COLMAP model, else random ones]
     #[arg(long, value_name = "FILE")]
     points: Option<PathBuf>,
-    #[command(flatten)]
-    size: SizeArgs,
-    /// Train for several sizes, each in its turn, so that one prior serves all: the widths of the pictures, of which
-    /// the widest is a multiple of each other one
-    #[arg(long, value_name = "PIXELS,...", value_delimiter = ',', conflicts_with = "width",
-        value_parser = clap::value_parser!(u32).range(1..=i64::from(Camera::MAX_SIDE)))]
-    widths: Vec<u32>,
+    /// Pictures wider than this are reduced to it, as in the paper; 0 keeps every size. Several, with commas between:
+    /// train for each in its turn, so that one prior serves all; the widest must be a multiple of each other one
+    #[arg(long, alias = "widths", value_name = "PIXELS,...", value_delimiter = ',', default_values_t = [WIDTH],
+        value_parser = clap::value_parser!(u32).range(0..=i64::from(Camera::MAX_SIDE)))]
+    width: Vec<u32>,
     /// Write the pictures without distortion, at the size that they are trained at, with their poses (cameras.json):
-    /// what
-    /// `trim`, `tables`, `encode` and `bench` read
+    /// what `prior trim`, `prior tables`, `encode` and `bench` read
     #[arg(long, value_name = "DIR")]
     undistorted: Option<PathBuf>,
     /// Bring the means of red, green and blue of each picture together (gray world). The prior says so, and the encoder
@@ -168,28 +165,26 @@ impl InputArgs {
 
     /// The size of all pictures.
     fn sizes(&self) -> SizeArgs {
-        self.widths.iter().max().map_or_else(|| self.size.clone(), |widest| SizeArgs::of(*widest))
+        SizeArgs::of(self.width.iter().max().copied().unwrap_or(WIDTH))
     }
 
     /// How much smaller the sizes are that are trained for than pictures of a width.
     fn reductions(&self, width: u32) -> Result<Vec<u32>, WrongUsage> {
-        let reduction = |own: &u32| match width % own {
-            0 => Ok(width / own),
+        let reduction = |own: &u32| match width.checked_rem(*own) {
+            Some(0) => Ok(width / own),
             _ => Err(WrongUsage(format!(
-                "--widths: {width} is no multiple of {own}; the pictures are {width} pixels wide at most"
+                "--width: {width} is no multiple of {own}; the pictures are {width} pixels wide at most"
             ))),
         };
-        match &self.widths[..] {
-            [] => Ok(vec![1]),
+        match &self.width[..] {
+            [_] => Ok(vec![1]),
             widths => widths.iter().map(reduction).collect(),
         }
     }
 
     /// Finds out before hours of work whether points and masks that were given are there.
     pub fn check(&self) -> anyhow::Result<()> {
-        if let Some(widest) = self.widths.iter().max() {
-            self.reductions(*widest)?;
-        }
+        self.reductions(self.width.iter().max().copied().unwrap_or(WIDTH))?;
         if let Some(masks) = self.masks.as_deref().filter(|masks| !masks.is_dir()) {
             anyhow::bail!("{}: no folder of masks", masks.display());
         }

@@ -4,10 +4,12 @@ use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use nvsprior_inputs::plot::{Series, Words, draw};
+use nvsprior_inputs::report::{Table, fixed, write_json};
+use nvsprior_inputs::statistics::median;
 use nvsprior_inputs::structure::Structure;
-use nvsprior_lab::bench::{median, plot_training};
-use nvsprior_lab::report::{Table, fixed, write_json};
 use nvsprior_train::mapper::Mapper;
+use plotters::prelude::SeriesLabelPosition;
 use serde_json::{Value, json};
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
@@ -194,7 +196,7 @@ impl Report {
             }
         }
         table.write_csv(&folder.join("curve.csv"))?;
-        plot_training(&folder.join("curve.svg"), curves)
+        plot(&folder.join("curve.svg"), curves)
     }
 
     /// The worst held-out pictures first: camera, render, difference.
@@ -289,4 +291,16 @@ impl Report {
         report.extend(training.as_object().cloned().unwrap_or_default());
         write_json(&folder.join("report.json"), &report)
     }
+}
+
+/// PSNR against training time, a curve per split; points as (seconds, dB).
+fn plot(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Result<()> {
+    let curve = |(name, points)| Series { name, points, line: true, dots: true };
+    let words = Words {
+        caption: "PSNR of held-out pictures against training time",
+        x: "seconds",
+        y: "dB",
+        legend: SeriesLabelPosition::LowerRight,
+    };
+    draw(path, &words, false, &curves.into_iter().map(curve).collect::<Vec<_>>(), &[])
 }

@@ -30,30 +30,20 @@ pub struct StructureArgs {
     /// pycolmap, else an older COLMAP [default: auto]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras", value_parser = finder)]
     poses: Option<Finder>,
-    /// COLMAP's camera model [default: RADIAL]
-    #[arg(long, value_name = "MODEL", conflicts_with = "cameras", value_parser = MODELS)]
-    camera_model: Option<String>,
-    /// The camera model's parameters with commas between, in COLMAP's order (of OPENCV fx,fy,cx,cy,k1,k2,p1,p2), if the
-    /// camera was calibrated; they are kept as they are
-    #[arg(long, value_name = "NUMBERS", conflicts_with = "cameras", requires = "camera_model",
-        value_parser = camera_params)]
-    camera_params: Option<String>,
+    /// COLMAP's camera model [default: RADIAL], and, behind a colon, its parameters with commas between, in COLMAP's
+    /// order (OPENCV:fx,fy,cx,cy,k1,k2,p1,p2), if the camera was calibrated; they are kept as they are
+    #[arg(long, alias = "camera-model", value_name = "MODEL[:NUMBERS]", conflicts_with = "cameras",
+        value_parser = camera)]
+    camera: Option<CameraArg>,
     /// Which pictures share intrinsics [default: one, that is, all]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     lenses: Option<LensesArg>,
-    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: these,
-    /// and those that show the same place [default: auto]
-    #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
-    matching: Option<MatchingArg>,
     /// What the vehicle states of its course, a CSV with the columns `file` or `time` (of the video, seconds), and some
     /// of `north`, `east`, `depth` (metres), `heading`, `pitch`, `roll` (degrees): the prior's unit becomes a metre,
-    /// and its axes north, east, down
-    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
-    navigation: Option<PathBuf>,
-    /// How far the camera looks up if the vehicle is level, degrees; below zero: down
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true,
-        requires = "navigation", value_parser = values::tilt)]
-    camera_tilt: f64,
+    /// and its axes north, east, down. TILT: how far the camera looks up if the vehicle is level, degrees; below zero:
+    /// down; 0 if it is left out
+    #[arg(long, value_name = "FILE[,TILT]", conflicts_with = "cameras", value_parser = stated)]
+    navigation: Option<(PathBuf, f64)>,
 }
 
 fn finder(text: &str) -> Result<Finder, String> {
@@ -66,9 +56,30 @@ fn finder(text: &str) -> Result<Finder, String> {
     }
 }
 
+/// A file of navigation, and the tilt of the camera.
+fn stated(text: &str) -> Result<(PathBuf, f64), String> {
+    let (file, tilt) = text.rsplit_once(',').unwrap_or((text, "0"));
+    Ok((file.into(), values::tilt(tilt).map_err(|error| format!("the tilt: {error}"))?))
+}
+
 /// Camera models of which pictures can be undistorted.
 const MODELS: [&str; 6] =
     ["SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE"];
+
+/// A camera model, and its parameters if they are known.
+#[derive(Clone)]
+struct CameraArg {
+    model: String,
+    params: Option<String>,
+}
+
+fn camera(text: &str) -> Result<CameraArg, String> {
+    let (model, params) = text.split_once(':').map_or((text, None), |(m, p)| (m, Some(p)));
+    if !MODELS.contains(&model) {
+        return Err(format!("there are {}", MODELS.join(", ")));
+    }
+    Ok(CameraArg { model: model.into(), params: params.map(camera_params).transpose()? })
+}
 
 /// Finite numbers with commas between, as COLMAP wants them. It checks that they are as many as the model has.
 fn camera_params(text: &str) -> Result<String, String> {
@@ -85,13 +96,6 @@ enum LensesArg {
     One,
     Folder,
     Picture,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum MatchingArg {
-    Auto,
-    Exhaustive,
-    Sequential,
 }
 
 impl StructureArgs {
@@ -122,20 +126,19 @@ impl StructureArgs {
     }
 
     fn options(&self, pictures: &Unposed, how: &Search) -> StructureOptions {
+        let camera = self.camera.clone();
+        let CameraArg { model, params } =
+            camera.unwrap_or_else(|| CameraArg { model: "RADIAL".into(), params: None });
         StructureOptions {
             finder: self.poses.clone().unwrap_or(Finder::Auto),
-            camera_model: self.camera_model.clone().unwrap_or_else(|| "RADIAL".into()),
-            camera_params: self.camera_params.clone(),
+            camera_model: model,
+            camera_params: params,
             lenses: match self.lenses {
                 None | Some(LensesArg::One) => Lenses::One,
                 Some(LensesArg::Folder) => Lenses::Folder,
                 Some(LensesArg::Picture) => Lenses::Picture,
             },
-            matching: match self.matching {
-                None | Some(MatchingArg::Auto) => Matching::Auto,
-                Some(MatchingArg::Exhaustive) => Matching::Exhaustive,
-                Some(MatchingArg::Sequential) => Matching::Sequential,
-            },
+            matching: Matching::Auto,
             sequence: pictures.sequence,
             size: how.matched(),
             masks: how.masks.map(Path::to_path_buf),
@@ -146,9 +149,8 @@ impl StructureArgs {
 
     /// Reads what the vehicle states, before hours of work.
     pub fn navigation(&self) -> anyhow::Result<Option<Navigation>> {
-        let Some(path) = &self.navigation else { return Ok(None) };
-        let (path, course) = (path.clone(), navigation::read(path)?);
-        let tilt = self.camera_tilt.to_radians();
+        let Some((path, tilt)) = &self.navigation else { return Ok(None) };
+        let (path, course, tilt) = (path.clone(), navigation::read(path)?, tilt.to_radians());
         Ok(Some(Navigation { path, course, times: HashMap::new(), tilt }))
     }
 }

@@ -447,7 +447,7 @@ fn a_dive_is_kept_and_played_again() {
     let picture = image::open(kept("png")).unwrap();
     assert_eq!([picture.width(), picture.height()].map(u64::from), [width, height]);
     let recording = kept("nvsr");
-    let console = Console::start(&dive, &format!("--play {} --speed 50", recording.display()));
+    let console = Console::start(&dive, &format!("--play {},50", recording.display()));
     let state = console.until("the end", |state| state["stopped"].is_string());
     assert!(state["picture"]["number"].as_u64() > Some(0), "{state:#}");
     assert_eq!(state["link"]["garbage"], 0, "{state:#}");
@@ -484,7 +484,7 @@ fn a_full_disk_is_told_and_leaves_no_half_snapshot() {
     let kept = std::fs::read_dir(dive.path("kept")).unwrap().map(|entry| entry.unwrap().path());
     let kept: Vec<_> = kept.filter(|path| !path.ends_with("console.resume")).collect();
     assert!(kept.len() == 1 && kept[0].extension().unwrap() == "nvsr", "{kept:?}");
-    let play = Console::start(&dive, &format!("--play {} --speed 50", kept[0].display()));
+    let play = Console::start(&dive, &format!("--play {},50", kept[0].display()));
     play.until("what was recorded", |state| state["picture"]["number"].as_u64() > Some(0));
 }
 
@@ -512,7 +512,7 @@ fn modem_frames_come_on_standard_input() {
     let dive = Dive::new();
     dive.encode("--psnr 40 --limit 1");
     dive.run("split packets/0.nvsp --out frames --mtu 64").ends_with(0);
-    let mut console = Console::start(&dive, "--stdin");
+    let mut console = Console::start(&dive, "--serial -");
     let mut input = console.running.input.take().unwrap();
     let mut files: Vec<_> = std::fs::read_dir(dive.path("frames"))
         .unwrap()
@@ -588,7 +588,7 @@ fn wrong_arguments_are_told() {
     let dive = Dive::without_frames();
     let console = "console --prior prior.ply";
     dive.run(console).ends_with(2).says("--udp");
-    dive.run(&format!("{console} --udp 5600 --stdin")).ends_with(2).says("cannot be used with");
+    dive.run(&format!("{console} --udp 5600 --serial -")).ends_with(2).says("cannot be used with");
     dive.run(&format!("{console} --play prior.ply")).ends_with(1).says("no recording of a console");
     dive.run(&format!("{console} --serial /dev/none")).ends_with(1).says("--serial /dev/none");
     let (_taken, at) = socket();

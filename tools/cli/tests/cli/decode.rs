@@ -36,7 +36,7 @@ fn a_damaged_residual_leaves_the_render() {
 #[test]
 fn a_lost_packet_costs_its_own_frame_where_the_camera_is_known() {
     let dive = Dive::new();
-    dive.encode("--frames-out seen");
+    dive.encode("--pictures seen");
     std::fs::remove_file(dive.path("packets/0.nvsp")).unwrap();
     dive.run(DECODE).ends_with(1).says("packets/1.nvsp").says("camera");
     let run = dive.run(&format!("{DECODE} --cameras cameras.json")).ends_with(0);
@@ -47,7 +47,7 @@ fn a_lost_packet_costs_its_own_frame_where_the_camera_is_known() {
 #[test]
 fn one_bad_packet_does_not_stop_the_others() {
     let dive = Dive::new();
-    dive.encode("--frames-out seen");
+    dive.encode("--pictures seen");
     std::fs::write(dive.path("packets/1.nvsp"), b"no packet").unwrap();
     dive.run(DECODE)
         .ends_with(1)
@@ -71,7 +71,7 @@ fn other_devices() -> Vec<(&'static str, String)> {
 #[test]
 fn packets_decode_to_the_same_bytes_on_other_devices() {
     let dive = Dive::new();
-    let summary = dive.encode("--render-check 1 --frames-out seen");
+    let summary = dive.encode("--render-check 1 --pictures seen");
     assert!(summary["frames"].as_array().unwrap().iter().all(|f| f["portable"] == true));
     for (variable, value) in other_devices() {
         let run = dive.run_with(DECODE, &[(variable, &value)]).ends_with(0);
@@ -88,9 +88,9 @@ fn packets_decode_to_the_same_bytes_on_other_devices() {
 fn a_portable_device_is_told() {
     let dive = Dive::new();
     for (variable, value) in other_devices() {
-        let run = dive.run_with("verify-device --scenes 24", &[(variable, &value)]).ends_with(0);
+        let run = dive.run_with("devices --check 24", &[(variable, &value)]).ends_with(0);
         assert!(run.stdout.contains("portable: 4"), "{variable}={value}: {}", run.stdout);
     }
-    dive.run("verify-device --scenes 0").ends_with(2);
-    dive.run("verify-device --device nowhere").ends_with(1).says("nowhere");
+    dive.run("devices --check 0").ends_with(2);
+    dive.run("devices --check --device nowhere").ends_with(1).says("nowhere");
 }

@@ -50,51 +50,6 @@ fn the_prior_that_comes_with_the_program_has_its_doubt() {
     assert!(doubt.iter().any(|doubt| *doubt <= 16));
 }
 
-#[test]
-fn the_quay_is_drawn_and_not_encoded() {
-    let dive = Dive::new();
-    dive.run("demo --site quay --frames 2 --out quay").ends_with(0);
-    let folder = dive.path("quay");
-    let cameras = std::fs::read_to_string(folder.join("T3/cameras.json")).unwrap();
-    assert_eq!(cameras.matches(".png").count(), 2);
-    assert_eq!(std::fs::read_dir(folder.join("T3/T3")).unwrap().count(), 2);
-    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
-}
-
-#[test]
-fn the_tower_is_drawn_by_what_the_vehicle_carries() {
-    let dive = Dive::new();
-    let draw = |args: &str| {
-        dive.run(&format!("demo --run T7 --draw-only --frames 1 --width 160 {args}")).ends_with(0);
-    };
-    draw("--out narrow");
-    draw("--lens 80 --out wide");
-    draw("--camera 2 --out second");
-    draw("--lamps left --out left");
-    let focal = |run: &str| dive.json(&format!("{run}/T7/cameras.json"))["fx"].as_f64().unwrap();
-    let of = |degrees: f64| 80.0 / (degrees / 2.0).to_radians().tan();
-    assert!((focal("narrow") - of(33.0)).abs() < 1e-3 && (focal("wide") - of(80.0)).abs() < 1e-3);
-    let place = |run: &str| {
-        let listed = dive.json(&format!("{run}/T7/cameras.json"));
-        listed["images"][0]["tvec"][0].as_f64().unwrap()
-    };
-    assert!((place("narrow") - place("second") - 0.2).abs() < 0.05);
-    let picture = |run: &str| dive.bytes(&format!("{run}/T7/T7/0001.png"));
-    assert_ne!(picture("narrow"), picture("left"));
-}
-
-#[test]
-fn the_tower_is_mapped_by_course() {
-    let dive = Dive::new();
-    dive.run("demo --site tower --mapping-run --course approach --width 160 --out .").ends_with(0);
-    let listed = dive.json("M4/cameras.json");
-    let images = listed["images"].as_array().unwrap();
-    assert_eq!(images.len(), 24);
-    assert!(
-        images.iter().all(|image| dive.path("M4").join(image["file"].as_str().unwrap()).exists())
-    );
-}
-
 /// Without a driver for any device.
 #[test]
 fn a_run_is_drawn_without_a_device() {
@@ -104,7 +59,7 @@ fn a_run_is_drawn_without_a_device() {
     draw("--run T2 --out plain").ends_with(0);
     draw("--run T2 --rate 15 --out fast").ends_with(0);
     draw("--run T4 --out aged").ends_with(0);
-    draw("--run T4 --age 0 --dive 2 --out mapped").ends_with(0);
+    draw("--run T7 --width 160 --out tower").ends_with(0);
     draw("--out both").ends_with(0);
     draw("--run T1 --width 640 --out wide").ends_with(0);
     let files = |folder: &str| std::fs::read_dir(dive.path(folder)).unwrap().count();
@@ -113,7 +68,7 @@ fn a_run_is_drawn_without_a_device() {
     assert_eq!(files("both"), 3);
     assert_eq!(dive.bytes("both/T2/T2/0002.png"), dive.bytes("plain/T2/T2/0002.png"));
     assert_eq!(dive.bytes("fast/T2/T2/0001.png"), dive.bytes("plain/T2/T2/0001.png"));
-    assert_ne!(dive.bytes("aged/T4/T4/0001.png"), dive.bytes("mapped/T4/T4/0001.png"));
+    assert_eq!((files("aged"), files("tower"), files("tower/T7/T7")), (2, 1, 2));
     let wide = dive.json("wide/T1/cameras.json");
     assert_eq!((wide["width"].as_u64(), wide["height"].as_u64()), (Some(640), Some(360)));
     let half_view = wide["cx"].as_f64().unwrap() / wide["fx"].as_f64().unwrap();

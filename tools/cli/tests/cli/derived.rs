@@ -25,8 +25,8 @@ fn a_prior_that_is_made_of_another_has_its_filter() {
     let doubt = Some(vec![9; open(&dive, "prior.ply").len()]);
     put(&dive, Extras { filter_weights, doubt, ..Extras::default() });
     let commands = [
-        ("trim prior.ply --cameras cameras.json --steps 1 --share 0.3", "small.nvsg", false),
-        ("blocks prior.ply", "parts.nvsb", true),
+        ("prior trim prior.ply --cameras cameras.json --steps 1", "small.nvsg", false),
+        ("prior blocks prior.ply", "parts.nvsb", true),
         ("key-frames prior.ply --cover 9", "copy.nvsg", true),
         ("import prior.ply", "own.nvsg", true),
     ];
@@ -39,7 +39,7 @@ fn a_prior_that_is_made_of_another_has_its_filter() {
     assert_eq!(open(&dive, "own.nvsg").id(), open(&dive, "prior.ply").id());
     // Parts of which only one has them.
     std::fs::copy(dive.path("prior.ply"), dive.path("other.ply")).unwrap();
-    dive.run("blocks prior.ply other.ply --out both.nvsb").ends_with(0);
+    dive.run("prior blocks prior.ply other.ply --out both.nvsb").ends_with(0);
     let both = open(&dive, "both.nvsb");
     assert!(both.filter_weights().is_none() && both.extras().doubt.is_none());
 }
@@ -48,8 +48,8 @@ fn a_prior_that_is_made_of_another_has_its_filter() {
 fn work_that_fails_leaves_an_earlier_prior_as_it_was() {
     let dive = Dive::new();
     for (command, out) in [
-        ("trim prior.ply --cameras nowhere.json", "earlier.ply"),
-        ("blocks prior.ply --coarseness=-1", "earlier.nvsb"),
+        ("prior trim prior.ply --cameras nowhere.json", "earlier.ply"),
+        ("prior blocks nowhere.ply", "earlier.nvsb"),
         ("import cameras.json", "earlier.nvsg"),
     ] {
         std::fs::write(dive.path(out), "an earlier prior").unwrap();
@@ -63,15 +63,16 @@ fn no_prior_is_written_over_what_it_is_made_of() {
     let dive = Dive::new();
     dive.run("import prior.ply --out own.nvsg").ends_with(0);
     let before = dive.bytes("own.nvsg");
-    for command in
-        ["trim own.nvsg --cameras cameras.json", "tables --prior own.nvsg --cameras cameras.json"]
-    {
+    for command in [
+        "prior trim own.nvsg --cameras cameras.json",
+        "prior tables --prior own.nvsg --cameras cameras.json",
+    ] {
         let refused = dive.run(&format!("{command} --out ./own.nvsg")).ends_with(1);
         refused.says("give it another name");
     }
     dive.run("import own.nvsg --out again.nvsg").ends_with(1).says("no foreign prior");
-    dive.run("blocks prior.ply --out site.nvsb").ends_with(0);
-    dive.run("blocks site.nvsb --out site.nvsb").ends_with(1).says("give it another name");
+    dive.run("prior blocks prior.ply --out site.nvsb").ends_with(0);
+    dive.run("prior blocks site.nvsb --out site.nvsb").ends_with(1).says("give it another name");
     assert_eq!(dive.bytes("own.nvsg"), before);
 }
 
@@ -85,7 +86,7 @@ fn a_record_of_dives_goes_with_its_prior() {
     // Copies have it, too, and what is left of a prior.
     for (command, out) in [
         ("key-frames prior.ply --cover 9", "copy.nvsg"),
-        ("trim prior.ply --cameras cameras.json --steps 1 --share 0.3", "small.nvsg"),
+        ("prior trim prior.ply --cameras cameras.json --steps 1", "small.nvsg"),
     ] {
         dive.run(&format!("{command} --out {out}")).ends_with(0);
         assert_eq!(open(&dive, out).extras().record.as_deref(), Some(record), "{command}");

@@ -16,6 +16,12 @@ pub const FRAMES: usize = 3;
 /// What `encode` needs to know in every case.
 pub const INPUT: &str = "--prior prior.ply --cameras cameras.json --split dive";
 
+/// Of the package that is tested.
+const PROGRAM: Option<&str> = match option_env!("CARGO_BIN_EXE_nvsprior") {
+    None => option_env!("CARGO_BIN_EXE_nvsprior-lab"),
+    own => own,
+};
+
 /// A folder with `prior.ply`, `cameras.json` and `images/T.png`.
 pub struct Dive {
     folder: TempDir,
@@ -67,7 +73,7 @@ impl Dive {
 
     /// As `run`, with environment variables set.
     pub fn run_with(&self, args: &str, environment: &[(&str, &str)]) -> Run {
-        let output = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
+        let output = Command::new(PROGRAM.expect("Cargo names the program"))
             .args(args.split_whitespace())
             .envs(environment.iter().copied())
             .current_dir(self.folder.path())

@@ -23,8 +23,7 @@ fn packet(dive: &Dive, t: usize) -> Vec<u8> {
 fn a_dive_is_encoded_and_decoded_by_two_processes() {
     let dive = Dive::new();
     let summary = dive.encode(
-        "--start-offset 0.05,-0.04,0.06,1.1,-1.7,1.1 --optimizer gauss-newton --residual webp \
-         --quality 10 --threshold 1 --frames-out seen --sheet sheet.png",
+        "--optimizer gauss-newton --quality 10 --threshold 1 --frames-out seen --sheet sheet.png",
     );
     check_summary(&dive, &summary);
     dive.run("decode --prior prior.ply --packets packets --frames topside").ends_with(0);
@@ -106,28 +105,9 @@ fn a_wanted_psnr_is_reached_at_fewer_bytes_than_a_higher_one() {
 #[test]
 fn without_residual_a_packet_is_a_pose_and_the_first_one_a_camera_too() {
     let dive = Dive::new();
-    let summary = dive.encode("--residual none --optimizer bfgs");
+    let summary = dive.encode("--residual none");
     let bytes: Vec<_> = frames(&summary).iter().map(|row| row["bytes"].as_u64().unwrap()).collect();
     assert_eq!(bytes, [LATENT + SESSION_PART, SHORT_LATENT, SHORT_LATENT]);
-    let summary = dive.encode("--residual none --profile paper --jacobian exact");
-    assert_eq!(summary["mean"]["latent_bytes"], 36.0);
-}
-
-/// The kinds of starts if no frame is near enough to the one before for the paper's optimiser.
-fn starts(dive: &Dive, args: &str) -> Vec<Value> {
-    let summary = dive.encode(&format!("--optimizer bfgs --residual none --threshold 0 {args}"));
-    frames(&summary).iter().map(|row| row["start"].clone()).collect()
-}
-
-#[test]
-fn poses_from_outside_come_from_the_camera_file_or_from_a_csv_file() {
-    let dive = Dive::new();
-    assert_eq!(starts(&dive, ""), ["external", "uncertain", "uncertain"]);
-    assert_eq!(starts(&dive, "--starts camera-file"), ["external"; FRAMES]);
-    let header = "file,qw,qx,qy,qz,tx,ty,tz\n";
-    let rows = [0, 2].map(|t| row(t) + "\n").concat();
-    std::fs::write(dive.path("poses.csv"), format!("{header}{rows}")).unwrap();
-    assert_eq!(starts(&dive, "--starts poses.csv"), ["external", "uncertain", "external"]);
 }
 
 /// A row of poses.csv.
@@ -267,7 +247,7 @@ fn frames_of_a_stream_are_predicted_from_frames_and_say_so() {
     (1..FRAMES).for_each(|t| save(&pictures()[0], &dive.path(&name(t))));
     let alone = dive.encode("--quality 70");
     assert!(frames(&alone).iter().all(|row| row["reference"] == Value::Null));
-    let stream = "--quality 70 --mode stream --key-every 2 --frames-out seen";
+    let stream = "--quality 70 --mode stream:2 --pictures seen";
     let summary = dive.encode(stream);
     let references: Vec<_> = frames(&summary).iter().map(|row| row["reference"].clone()).collect();
     assert_eq!(references, [Value::Null, json!(0), Value::Null]);
@@ -287,6 +267,4 @@ fn frames_of_a_stream_are_predicted_from_frames_and_say_so() {
         .says("the render alone");
     assert_ne!(dive.bytes("topside/1.png"), dive.bytes("seen/1.png"));
     assert_eq!(dive.bytes("topside/2.png"), dive.bytes("seen/2.png"));
-    let run = dive.run(&format!("encode {INPUT} --packets packets --mode stream --residual webp"));
-    run.ends_with(1).says("streams take the wavelet coder");
 }

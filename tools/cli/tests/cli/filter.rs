@@ -1,4 +1,4 @@
-//! `nvsprior filter`, and `decode --filter`.
+//! `nvsprior prior filter`, and `decode --filter`.
 
 use nvsprior::Prior;
 use nvsprior::filter_weights::{FRACTION, FilterWeights};
@@ -7,7 +7,7 @@ use nvsprior::prior::{Extras, extras_file};
 use crate::dive::{Dive, FRAMES};
 use crate::study::row;
 
-const FILTER: &str = "filter --cameras cameras.json --steps 100 --prior";
+const FILTER: &str = "prior filter --cameras cameras.json --steps 100 --prior";
 
 fn open(dive: &Dive, name: &str) -> Prior {
     Prior::open(&dive.path(name), &Default::default()).unwrap()
@@ -16,7 +16,7 @@ fn open(dive: &Dive, name: &str) -> Prior {
 #[test]
 fn trained_beside_the_prior_and_needed_on_one_side() {
     let dive = Dive::new();
-    dive.encode("--bytes 300 --frames-out seen");
+    dive.encode("--bytes 300 --pictures seen");
     let id = open(&dive, "prior.ply").id();
     let text = dive.run("inspect prior.ply").ends_with(0).stdout;
     assert_eq!(row(&text, "display filter"), "the library's own, for any scene");
@@ -61,5 +61,7 @@ fn trained_beside_the_prior_and_needed_on_one_side() {
 #[test]
 fn too_few_steps_are_refused() {
     let dive = Dive::new();
-    dive.run("filter --prior prior.ply --cameras cameras.json --steps 99").ends_with(2).says("100");
+    dive.run("prior filter --prior prior.ply --cameras cameras.json --steps 99")
+        .ends_with(2)
+        .says("100");
 }

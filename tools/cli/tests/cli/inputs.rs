@@ -46,7 +46,7 @@ fn nerfstudio_scenes_are_reduced_to_the_width_asked_for() {
     });
     dive.write_json("transforms.json", &transforms);
     let encode = "encode --prior prior.ply --cameras transforms.json --summary s.json";
-    dive.run(&format!("{encode} --packets packets --frames-out seen")).ends_with(0);
+    dive.run(&format!("{encode} --packets packets --pictures seen")).ends_with(0);
     for t in 0..2 {
         let seen = dive.picture(&format!("seen/large{t}.png"));
         assert_eq!((seen.width, seen.height), (320, 180));
@@ -60,8 +60,7 @@ fn nerfstudio_scenes_are_reduced_to_the_width_asked_for() {
     dive.run("decode --prior prior.ply --packets packets --frames late --cameras transforms.json")
         .ends_with(0);
     assert_eq!(dive.bytes("late/large1.png"), dive.bytes("out/large1.png"));
-    dive.run(&format!("{encode} --packets full --frames-out full --width 0 --limit 1"))
-        .ends_with(0);
+    dive.run(&format!("{encode} --packets full --pictures full --width 0 --limit 1")).ends_with(0);
     assert_eq!(dive.picture("full/large0.png").width, LARGE.width);
 }
 
@@ -76,7 +75,7 @@ fn jpeg_and_webp_frames_are_read_and_equal_stems_stay_apart() {
         views.push(view(file, t, "mixed", &pose(t as f64)));
     }
     dive.write_json("mixed.json", &camera_file(&CAMERA, views));
-    dive.run("encode --prior prior.ply --cameras mixed.json --packets packets --frames-out seen")
+    dive.run("encode --prior prior.ply --cameras mixed.json --packets packets --pictures seen")
         .ends_with(0);
     for (t, name) in ["a_0", "b_0"].into_iter().enumerate() {
         assert!(dive.path(&format!("packets/{name}.nvsp")).exists());

@@ -43,7 +43,7 @@ fn a_key_is_random_and_for_its_owner_alone() {
 fn packets_of_others_are_named_and_left_out() {
     let dive = dive();
     dive.run(&format!("encode {INPUT} --bytes 300 --packets plain")).ends_with(0);
-    dive.encode("--bytes 306 --key own.key --epoch 4 --frames-out seen");
+    dive.encode("--bytes 306 --key own.key --epoch 4 --pictures seen");
     for t in 0..FRAMES {
         // The tag counts as a part of the packet, and takes nothing else.
         let keyed = dive.bytes(&format!("packets/{t}.nvsp"));

@@ -62,10 +62,10 @@ fn written_beside_the_prior_and_read_with_it() {
     // What lies beside another prior of that name is refused, and is gone once the program writes one.
     write_prior(&dive.path("prior.ply"), &wall(2));
     dive.run("inspect prior.ply").ends_with(1).says("prior.ply.nvsx: about prior ");
-    dive.run("blocks prior.ply --out p.nvsb").ends_with(1);
+    dive.run("prior blocks prior.ply --out p.nvsb").ends_with(1);
     std::fs::copy(dive.path("prior.ply.nvsx"), dive.path("small.ply.nvsx")).unwrap();
     write_prior(&dive.path("plain.ply"), &wall(1));
-    let trim = "trim plain.ply --cameras cameras.json --steps 1 --share 0.3 --out small.ply";
+    let trim = "prior trim plain.ply --cameras cameras.json --steps 1 --out small.ply";
     dive.run(trim).ends_with(0);
     assert!(!dive.path("small.ply.nvsx").exists());
 }
@@ -111,7 +111,7 @@ fn written_in_place_or_to_copies_of_the_prior() {
     let q = Quantisation::default();
     let id = compact::write(wall.splats(), &wall.besides(), &q, &mut bytes).unwrap();
     std::fs::write(dive.path("small.nvsg"), &bytes).unwrap();
-    dive.run("blocks prior.ply --out site.nvsb").ends_with(0);
+    dive.run("prior blocks prior.ply --out site.nvsb").ends_with(0);
     let site = open(&dive, "site.nvsb");
     let options = "--cameras cameras.json --distance 0 --cover 0";
     dive.run(&format!("key-frames prior.ply {options} --out with.nvsg")).ends_with(0);
@@ -142,7 +142,7 @@ fn written_in_place_or_to_copies_of_the_prior() {
 fn trim_carries_them_over() {
     let dive = Dive::new();
     dive.run("key-frames prior.ply --cameras cameras.json --distance 0 --cover 0").ends_with(0);
-    let trim = "trim prior.ply --cameras cameras.json --steps 1 --share 0.3";
+    let trim = "prior trim prior.ply --cameras cameras.json --steps 1";
     for (name, error) in [("small.ply", 5e-3), ("small.nvsg", 5e-3)] {
         let text = dive.run(&format!("{trim} --out {name}")).ends_with(0).stdout;
         assert_eq!(row(&text, "key frames"), "4");
@@ -164,7 +164,7 @@ fn refusals_name_what_is_wrong() {
         ("key-frames prior.ply --cover 0", 1, "prior.ply: --cover 0 and no --cameras"),
         (&format!("{command} --cover 65537"), 2, "--cover"),
         (&format!("{command} --distance=-1"), 2, "not negative"),
-        (&format!("{command} --angle nan"), 2, "--angle"),
+        (&format!("{command} --spacing 1,nan"), 2, "--spacing"),
         (&format!("{command} --split night"), 1, "\"night\"; there are: dive, survey"),
         (&format!("{command} --out a.ply"), 1, "a.ply: a copy of a PLY"),
         (&format!("{command} --out a.nvsb"), 1, "ends in .nvsg"),

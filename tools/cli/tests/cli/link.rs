@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use crate::dive::{Dive, FRAMES, INPUT, name, pictures, save};
+use crate::dive::{Dive, FRAMES, name, pictures, save};
 
 const DECODE: &str = "decode --prior prior.ply --frames out --packets";
 
@@ -99,7 +99,7 @@ fn a_picture_of_the_prior_comes_over_64_bits_per_second() {
     let dive = Dive::new();
     let link = LINK.replace("16000", "64").replace("--fps 10", "--fps 2");
     let run = format!("{link} --seconds 40 --mtu 8");
-    for (folder, args) in [("alone", ""), ("told", "--return-delay 2 --report-every 4")] {
+    for (folder, args) in [("alone", ""), ("told", "--return-delay 2")] {
         dive.run(&format!("{run} {args} --report {folder}")).ends_with(0);
         let link = dive.json(&format!("{folder}/link.json"));
         assert_eq!(link["lost_frames"], 0, "{folder}");
@@ -115,26 +115,11 @@ fn a_picture_of_the_prior_comes_over_64_bits_per_second() {
 }
 
 #[test]
-fn a_return_channel_brings_back_what_a_blackout_took() {
-    let dive = Dive::new();
-    let run = format!("{LINK} --seconds 4 --blackout 0.6 --latency 3");
-    dive.run(&format!("{run} --report without")).ends_with(0);
-    dive.run(&format!("{run} --report with --return-delay 0.3 --half-duplex --reorder 0.1"))
-        .ends_with(0);
-    let shown = |folder: &str, way: &str| {
-        dive.json(&format!("{folder}/link.json"))["shown"][way].as_u64().unwrap()
-    };
-    assert!(shown("without", "between") >= 3, "{}", shown("without", "between"));
-    assert!(shown("with", "own") > shown("without", "own"));
-    assert!(dive.json("with/link.json")["bytes"]["resent"].as_u64().unwrap() > 0);
-}
-
-#[test]
 fn frames_of_a_stream_are_predicted_from_what_the_topside_has() {
     let dive = Dive::new();
     // The camera stands still: else it is chance whether an inter frame is shorter.
     (1..=FRAMES).for_each(|t| save(&pictures()[0], &dive.path(&name(t))));
-    let run = format!("{} --seconds 3 --mode stream", LINK.replace("16000", "256000"));
+    let run = format!("{} --seconds 3", LINK.replace("16000", "256000"));
     let link = |folder: &str, args: &str| {
         dive.run(&format!("{run} {args} --report {folder}")).ends_with(0);
         dive.json(&format!("{folder}/link.json"))
@@ -143,9 +128,9 @@ fn frames_of_a_stream_are_predicted_from_what_the_topside_has() {
     let psnr = |link: &serde_json::Value| link["shown_psnr"].as_f64().unwrap();
     // Without losses, what is shown is what the vehicle has.
     for (folder, args) in [
-        ("chain", "--key-every 0"),
-        ("keys", "--structure keys --key-every 4"),
-        ("acknowledged", "--structure acknowledged --return-delay 0.2 --latency 4.5"),
+        ("chain", "--mode chain:0"),
+        ("keys", "--mode keys:4"),
+        ("acknowledged", "--mode acknowledged --return-delay 0.2 --latency 4.5"),
     ] {
         let link = link(folder, args);
         assert_eq!(link["whole_frames"], link["sent_frames"], "{folder}");
@@ -159,7 +144,7 @@ fn frames_of_a_stream_are_predicted_from_what_the_topside_has() {
         assert_eq!(bytes(&link, "resent"), 0);
     }
     // With losses, frames without their reference are shown as far as they can be.
-    let lossy = link("lossy", "--key-every 0 --loss 0.3");
+    let lossy = link("lossy", "--mode chain:0 --loss 0.3");
     assert!(psnr(&lossy) > 20.0, "{}", psnr(&lossy));
 }
 
@@ -172,8 +157,7 @@ fn a_link_that_cannot_be_is_refused() {
         ("--latency 0.15", "latency"),
         ("--bit-rate 0", "between 0.01 and 1e9"),
         ("--mtu 7", "--mtu"),
-        ("--half-duplex", "--return-delay"),
-        ("--mode stream --structure acknowledged", "--return-delay"),
+        ("--mode acknowledged", "--return-delay"),
     ] {
         dive.run(&format!("{} {args} --report x", LINK.replace(" --bit-rate 16000", "")))
             .ends_with(2)
@@ -228,43 +212,7 @@ fn a_device_without_hardware_is_listed_and_never_used() {
     };
     let rest = rest.lines().take(4).collect::<Vec<_>>().join("\n");
     assert!(rest.contains("cannot run nvsprior: it has no hardware"), "{}", run.stdout);
-    dive.run_with("verify-device --scenes 1 --device Null", &null).ends_with(1).says("no hardware");
-    let run = dive.run_with("verify-device --scenes 1", &null).ends_with(0);
+    dive.run_with("devices --check 1 --device Null", &null).ends_with(1).says("no hardware");
+    let run = dive.run_with("devices --check 1", &null).ends_with(0);
     assert!(!run.stderr.contains("Null hardware"), "{}", run.stderr);
-}
-
-#[test]
-fn what_the_prior_does_not_show_is_told_apart() {
-    let dive = Dive::without_frames();
-    std::fs::write(dive.path("prior.nvsg"), nvsprior_basin::PRIOR).unwrap();
-    dive.run("demo --run T2 --draw-only --frames 6 --out .").ends_with(0);
-    let link =
-        "link --prior prior.nvsg --cameras T2/cameras.json --fps 3 --bit-rate 20000 --region";
-    dive.run(&format!("{link} --report link")).ends_with(0);
-    let link = dive.json("link/link.json");
-    // The region is known, and small.
-    assert!((0.01..0.3).contains(&link["region_part"].as_f64().unwrap()));
-    assert!(link["region_psnr"].as_f64() < link["outside_psnr"].as_f64());
-}
-
-#[test]
-fn the_size_changes_in_flight() {
-    let dive = Dive::new();
-    let width = dive.json("cameras.json")["width"].as_u64().unwrap() as u32;
-    let half = width / 2;
-    let link =
-        format!("link {INPUT} --bit-rate 20000 --fps 10 --seconds 1 --loss 0,0.2 --report link");
-    let sizes = format!("--width-from 7:{width},4:{half} --frames-out shown");
-    dive.run(&format!("{link} {sizes}")).ends_with(0);
-    let shown = |frame: u32| {
-        let picture = image::open(dive.path(&format!("shown/{frame:04}.png"))).unwrap();
-        picture.width()
-    };
-    let widths: Vec<u32> = (0..10).map(shown).collect();
-    // Frames that are left out show the picture before, of the size that it has.
-    assert_eq!((widths[0], widths[6], widths[9]), (width, half, width), "{widths:?}");
-    let report = dive.json("link/link.json");
-    assert!(report["shown_psnr"].as_f64().unwrap() > 20.0, "{report}");
-    dive.run(&format!("{link} --width-from 4:{}", 2 * width)).ends_with(2).says("--width-from");
-    dive.run(&format!("{link} --width-from four:20")).ends_with(2).says("--width-from");
 }

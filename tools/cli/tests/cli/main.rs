@@ -3,6 +3,7 @@
 mod blocks;
 #[path = "../../../../tests/common/mod.rs"]
 mod common;
+#[cfg(feature = "console")]
 mod console;
 mod decode;
 mod demo_prior;
@@ -24,6 +25,7 @@ mod refusals;
 mod render;
 #[path = "../../../../tests/scene/mod.rs"]
 mod scene;
+mod size;
 mod study;
 mod tables;
 mod treated;

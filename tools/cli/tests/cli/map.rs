@@ -36,10 +36,10 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     // A .ply has no place for its doubt, which is added beside it.
     assert!(!dive.path("a.ply.nvsx").exists());
     let decode = "decode --prior a.ply --packets packets --frames out --doubt doubt";
-    dive.run(decode).ends_with(0).says("a.ply: without doubt").says("`nvsprior doubt`");
+    dive.run(decode).ends_with(0).says("a.ply: without doubt").says("`nvsprior prior doubt`");
     let cameras = "--cameras cameras.json --split dive";
-    let check = "--check cameras.json --check-split dive";
-    let run = dive.run(&format!("doubt --prior a.ply {cameras} {check}")).ends_with(0);
+    let check = "--check cameras.json dive";
+    let run = dive.run(&format!("prior doubt --prior a.ply {cameras} {check}")).ends_with(0);
     assert!(run.stdout.contains("ranked right"), "{}", run.stdout);
     assert!(dive.path("a.ply.nvsx").exists());
     dive.run(decode).ends_with(0);
@@ -67,8 +67,7 @@ fn one_prior_is_trained_for_several_sizes() {
     let cameras = dive.json("cameras.json");
     let width = cameras["width"].as_u64().unwrap();
     let half = width / 2;
-    dive.run(&format!("{MAP} --widths {half},{width} --out both.nvsg --report report"))
-        .ends_with(0);
+    dive.run(&format!("{MAP} --width {half},{width} --out both.nvsg --report report")).ends_with(0);
     let report = dive.json("report/report.json");
     let splits = report["held_out_psnr_by_split"].as_object().unwrap();
     let psnr = |split: &str| splits[split].as_f64().unwrap();
@@ -80,7 +79,7 @@ fn one_prior_is_trained_for_several_sizes() {
     assert!(other.contains("123.5 pixels"), "{other}");
     // It is another prior.
     assert!(!other.contains(&prior.id().to_string()), "{other}");
-    let odd = format!("{MAP} --widths {},{width} --out odd.nvsg", half + 1);
+    let odd = format!("{MAP} --width {},{width} --out odd.nvsg", half + 1);
     dive.run(&odd).ends_with(2).says(&format!("no multiple of {}", half + 1));
 }
 

@@ -159,9 +159,7 @@ fn what_changes_is_done_again_with_all_that_follows() {
     let dive = dive();
     run(&dive, MAP).ends_with(0);
     calls(&dive);
-    run(&dive, &format!("{MAP} --matching sequential")).ends_with(0);
-    assert_eq!(commands(&dive), ["database_cleaner", "matches_importer", "global_mapper"]);
-    let model = "--camera-model SIMPLE_RADIAL --camera-params 130,80,45,0.01";
+    let model = "--camera SIMPLE_RADIAL:130,80,45,0.01";
     let other = format!("{MAP} {model} --lenses picture");
     run(&dive, &format!("{other} --seed 7")).ends_with(0);
     let made = calls(&dive);
@@ -310,8 +308,8 @@ fn wrong_pictures_are_named_before_colmap_runs() {
         (format!("{MAP} --split dive"), 2, "--split"),
         ("map --cameras cameras.json --out a.ply --lenses one".to_owned(), 2, "--lenses"),
         (format!("{MAP} --camera-model FOV"), 2, "FOV"),
-        (format!("{MAP} --camera-params 1,2,3,4"), 2, "--camera-model"),
-        (format!("{MAP} --camera-model PINHOLE --camera-params 1,x,3,4"), 2, "--camera-params"),
+        (format!("{MAP} --camera PINHOLE:1,x,3,4"), 2, "--camera"),
+        (format!("{MAP} --navigation course.csv,steep"), 2, "the tilt"),
         (format!("{MAP} --poses none"), 1, "none: not found"),
         (MAP.replace("images", "none"), 1, "none"),
         (MAP.replace("images", "bin"), 1, "no pictures"),

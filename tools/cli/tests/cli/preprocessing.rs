@@ -42,7 +42,7 @@ fn map_treats_its_pictures_and_states_it_in_the_prior() {
 #[test]
 fn encode_treats_frames_unless_they_are_treated() {
     let (dive, by_hand) = (preprocessed(), treated_by_hand());
-    let output = "--starts camera-file --frames-out seen --sheet sheet.png";
+    let output = "--starts camera-file --pictures seen --sheet sheet.png";
     let expected = by_hand.encode(output);
     let packet = |t: usize| format!("packets/{t}.nvsp");
     let packets: Vec<_> = (0..FRAMES).map(|t| by_hand.bytes(&packet(t))).collect();
@@ -81,9 +81,9 @@ fn copies_and_reduced_priors_keep_it() {
     for command in [
         "key-frames prior.ply --cameras cameras.json --cover 0 --out own.nvsg",
         "key-frames prior.nvsg --cameras cameras.json --cover 0 --out keys.nvsg",
-        "tables --cameras cameras.json --rounds 1 --prior prior.nvsg --out tables.nvsg",
-        "trim prior.ply --cameras cameras.json --steps 1 --share 0.3 --out trimmed.ply",
-        "trim prior.nvsg --cameras cameras.json --steps 1 --share 0.3 --out trimmed.nvsg",
+        "prior tables --cameras cameras.json --steps 1 --prior prior.nvsg --out tables.nvsg",
+        "prior trim prior.ply --cameras cameras.json --steps 1 --out trimmed.ply",
+        "prior trim prior.nvsg --cameras cameras.json --steps 1 --out trimmed.nvsg",
     ] {
         dive.run(command).ends_with(0);
         let out = command.rsplit(' ').next().unwrap();

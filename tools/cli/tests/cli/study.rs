@@ -1,4 +1,4 @@
-//! `nvsprior inspect` and `nvsprior trim`: what a prior does not need.
+//! `nvsprior inspect` and `nvsprior prior trim`: what a prior does not need.
 
 use nvsprior::prior::Splats;
 use nvsprior::{Prior, RenderOptions};
@@ -69,7 +69,7 @@ fn inspect_of_a_mission_tells_what_its_views_do_not_show() {
     assert!(row(&text, "unseen").contains("0.000 dB lost"), "{text}");
     assert!(text.contains("at 1 views of other splits"), "{text}");
     // Cameras with a margin see more.
-    let margin = format!("inspect prior.ply {mission} --margin-distance 0.5 --margin-angle 5");
+    let margin = format!("inspect prior.ply {mission} --margin 0.5,5");
     let text = dive.run(&margin).ends_with(0).stdout;
     let less: usize = row(&text, "unseen").split(' ').next().unwrap().parse().unwrap();
     assert!(less < unseen, "{less} of {unseen}");
@@ -82,8 +82,8 @@ fn inspect_of_a_mission_tells_what_its_views_do_not_show() {
 #[test]
 fn trim_writes_a_prior_that_shows_nearly_the_same() {
     let dive = Dive::new();
-    let mission = "--cameras cameras.json --split dive --steps 4 --share 0.3";
-    let trim = format!("trim prior.ply {mission} --out small.ply --sheet sheet.png");
+    let mission = "--cameras cameras.json --split dive --steps 4";
+    let trim = format!("prior trim prior.ply {mission} --out small.ply --sheet sheet.png");
     let text = dive.run(&trim).ends_with(0).stdout;
     let small = Prior::open(&dive.path("small.ply"), &Default::default()).unwrap();
     assert!(row(&text, "identity").ends_with(&format!("→ {}", small.id())), "{text}");
@@ -108,8 +108,8 @@ fn trim_writes_a_prior_that_shows_nearly_the_same() {
 fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
     let dive = Dive::new();
     std::fs::remove_dir_all(dive.path("images")).unwrap();
-    let mission = "--cameras cameras.json --margin-distance 0.2 --margin-angle 3 --floor 40";
-    let trim = format!("trim prior.ply {mission} --steps 2 --range 50 --out small.nvsg");
+    let mission = "--cameras cameras.json --margin 0.2,3 --floor 40";
+    let trim = format!("prior trim prior.ply {mission} --steps 2 --range 50 --out small.nvsg");
     let text = dive.run(&trim).ends_with(0).stdout;
     for name in ["views", "within margin"] {
         let psnr = row(&text, name).split(", ").nth(1).unwrap().split(' ').next().unwrap();
@@ -124,7 +124,7 @@ fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
     assert!(8 * bytes("small.nvsg") < bytes("prior.ply"), "{text}");
     // Cameras with a margin need more of the prior than those of the file.
     let narrow = "--cameras cameras.json --floor 40 --steps 2 --out narrow.nvsg";
-    dive.run(&format!("trim prior.ply {narrow}")).ends_with(0);
+    dive.run(&format!("prior trim prior.ply {narrow}")).ends_with(0);
     let narrow = Prior::open(&dive.path("narrow.nvsg"), &Default::default()).unwrap();
     assert!(narrow.len() < small.len(), "{} against {}", narrow.len(), small.len());
 }
@@ -132,19 +132,18 @@ fn trim_without_frames_keeps_to_the_floor_within_the_margin() {
 #[test]
 fn refusals_name_what_is_wrong() {
     let dive = Dive::new();
-    let trim = "trim prior.ply --cameras cameras.json --out small.ply";
+    let trim = "prior trim prior.ply --cameras cameras.json --out small.ply";
     for (args, code, named) in [
-        ("trim prior.ply --out small.ply", 2, "--cameras"),
-        ("trim prior.ply --cameras cameras.json", 2, "--out"),
+        ("prior trim prior.ply --out small.ply", 2, "--cameras"),
+        ("prior trim prior.ply --cameras cameras.json", 2, "--out"),
         (&format!("{trim} --tolerance nan"), 2, "--tolerance"),
-        (&format!("{trim} --margin-distance=-1"), 2, "not negative"),
-        (&format!("{trim} --share 1"), 2, "between 0 and 1"),
+        (&format!("{trim} --margin=-1"), 2, "not negative"),
         (&format!("{trim} --split night"), 1, "\"night\"; there are: dive, survey"),
-        ("trim none.ply --cameras cameras.json --out small.ply", 1, "none.ply"),
-        ("trim prior.ply --cameras none.json --out small.ply", 1, "none.json"),
-        ("trim prior.ply --cameras cameras.json --out small.obj", 1, "small.obj"),
+        ("prior trim none.ply --cameras cameras.json --out small.ply", 1, "none.ply"),
+        ("prior trim prior.ply --cameras none.json --out small.ply", 1, "none.json"),
+        ("prior trim prior.ply --cameras cameras.json --out small.obj", 1, "small.obj"),
         (
-            "trim prior.ply --cameras cameras.json --out none/small.ply --steps 0",
+            "prior trim prior.ply --cameras cameras.json --out none/small.ply --steps 0",
             1,
             "none/small.ply",
         ),
@@ -159,7 +158,7 @@ fn refusals_name_what_is_wrong() {
         image.as_object_mut().unwrap().remove("qvec");
     }
     dive.write_json("placeless.json", &cameras);
-    dive.run("trim prior.ply --cameras placeless.json --out small.ply")
+    dive.run("prior trim prior.ply --cameras placeless.json --out small.ply")
         .ends_with(1)
         .says("placeless.json: no view has a pose");
 }

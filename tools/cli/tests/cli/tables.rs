@@ -1,4 +1,4 @@
-//! `nvsprior tables`, and what the other commands make of coder tables.
+//! `nvsprior prior tables`, and what the other commands make of coder tables.
 
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
@@ -9,7 +9,7 @@ use crate::dive::{Dive, FRAMES, INPUT};
 use crate::scene::wall;
 use crate::study::row;
 
-const TABLES: &str = "tables --cameras cameras.json --rounds 1 --prior";
+const TABLES: &str = "prior tables --cameras cameras.json --steps 1 --prior";
 
 fn open(dive: &Dive, name: &str) -> Prior {
     Prior::open(&dive.path(name), &Default::default()).unwrap()
@@ -41,7 +41,7 @@ fn trained_for_a_copy_of_the_prior_and_needed_on_both_sides() {
     let expected = format!("the scene's own, {} bytes", Tables::encoded_len());
     assert_eq!(row(&text, "coder tables"), expected);
     // With the tables both sides show the same. Without them the packets are about another prior.
-    let encode = format!("encode {INPUT} --packets packets --quality 40 --frames-out seen");
+    let encode = format!("encode {INPUT} --packets packets --quality 40 --pictures seen");
     dive.run(&encode.replace("prior.ply", "with.nvsg")).ends_with(0);
     dive.run("decode --prior with.nvsg --packets packets --frames topside").ends_with(0);
     for t in 0..FRAMES {
@@ -57,7 +57,7 @@ fn trained_for_a_copy_of_the_prior_and_needed_on_both_sides() {
 fn the_same_frames_give_the_same_tables() {
     let dive = Dive::new();
     write_compact(&dive);
-    dive.run("blocks prior.ply --out site.nvsb").ends_with(0);
+    dive.run("prior blocks prior.ply --out site.nvsb").ends_with(0);
     for (prior, out) in
         [("small.nvsg", "a.nvsg"), ("small.nvsg", "b.nvsg"), ("site.nvsb", "c.nvsb")]
     {
@@ -83,7 +83,7 @@ fn other_commands_carry_them_over() {
         assert_eq!(row(&text, "identity"), format!("{id}, as it was"));
     }
     assert_eq!(open(&dive, "copy.nvsg").id(), id);
-    let trim = "trim with.nvsg --cameras cameras.json --steps 1 --share 0.3 --out";
+    let trim = "prior trim with.nvsg --cameras cameras.json --steps 1 --out";
     dive.run(&format!("{trim} trimmed.nvsg")).ends_with(0);
     assert_eq!(open(&dive, "trimmed.nvsg").coder_tables().map(|t| &**t), Some(&tables));
     dive.run(&format!("{trim} trimmed.ply")).ends_with(1).says("a .ply holds no coder tables");
@@ -97,13 +97,13 @@ fn refusals_name_what_is_wrong() {
     let mut one = dive.json("cameras.json");
     one["images"].as_array_mut().unwrap().truncate(1);
     dive.write_json("one.json", &one);
-    let few = "tables --cameras one.json --prior prior.ply --out a.nvsg";
+    let few = "prior tables --cameras one.json --prior prior.ply --out a.nvsg";
     let out = format!("{TABLES} prior.ply --out a.nvsg");
     for (args, code, named) in [
-        ("tables --prior prior.ply --out a.nvsg", 2, "--cameras"),
-        ("tables --cameras cameras.json --out a.nvsg", 2, "--prior"),
+        ("prior tables --prior prior.ply --out a.nvsg", 2, "--cameras"),
+        ("prior tables --cameras cameras.json --out a.nvsg", 2, "--prior"),
         (&format!("{TABLES} prior.ply"), 2, "--out"),
-        (&format!("{out} --rounds 0"), 2, "--rounds"),
+        (&format!("{out} --steps 0"), 2, "--rounds"),
         (&format!("{out} --split night"), 1, "\"night\"; there are: dive, survey"),
         (&format!("{TABLES} prior.ply --out a.ply"), 1, "a.ply: a copy of a PLY"),
         (&format!("{TABLES} small.nvsg --out a.nvsb"), 1, "a.nvsb: a copy of a compact prior"),

@@ -1,7 +1,6 @@
-//! `nvsprior map VIDEO`, `encode --video` and `demo --video`.
+//! `nvsprior map VIDEO` and `encode --video`.
 
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
 
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
 use nvsprior::prior::{Extras, extras_file};
@@ -197,22 +196,4 @@ fn a_video_of_another_shape_than_the_lens_is_refused() {
     dive.write_json("cameras.json", &cameras);
     let args = "encode --prior prior.ply --cameras cameras.json --packets packets --video dive.mp4";
     dive.run(args).ends_with(1).says("dive.mp4: 160×90 is of another shape");
-}
-
-#[test]
-fn a_survey_of_the_quay_becomes_a_video() {
-    let dive = Dive::without_frames();
-    let run = dive.run("demo --video quay.mp4 --seconds 0.25 --fps 4").ends_with(0);
-    assert!(
-        run.stdout.contains("--camera-model OPENCV --camera-params 760,760,644,356,-0.12,"),
-        "{}",
-        run.stdout
-    );
-    let csv = std::fs::read_to_string(dive.path("quay.mp4.csv")).unwrap();
-    assert_eq!(csv.lines().count(), 2);
-    assert!(csv.lines().nth(1).unwrap().starts_with("000000,0,"), "{csv}");
-    assert!(std::fs::metadata(dive.path("quay.mp4")).unwrap().len() > 10_000);
-    assert!(!Path::new(&dive.path("quay.mp4.drawn")).exists());
-    let refused = dive.run("demo --video none/quay.mp4").ends_with(1);
-    refused.says("--video none/quay.mp4: cannot be written");
 }

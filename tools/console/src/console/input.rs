@@ -18,39 +18,42 @@ use crate::endpoint::{self, DATAGRAM};
 
 #[derive(clap::Args)]
 #[group(required = true, multiple = false)]
-struct Sources {
+pub struct SourceArgs {
     /// Take modem frames as datagrams at this UDP port; with ADDRESS:PORT at that address alone. Reports go to whoever
     /// sent the last valid one
     #[arg(long, value_name = "PORT", value_parser = endpoint::local)]
     udp: Option<SocketAddr>,
     /// Take modem frames from a serial port, say /dev/ttyUSB0, each in COBS with a zero byte behind it. Reports go back
-    /// in the same way
-    #[arg(long, value_name = "DEVICE")]
-    serial: Option<String>,
-    /// Take modem frames on standard input, each in COBS with a zero byte behind it. No reports are sent
-    #[arg(long)]
-    stdin: bool,
-    /// Play a recording of a console again
-    #[arg(long, value_name = "FILE")]
-    play: Option<PathBuf>,
+    /// in the same way. BAUD: bits per second of the line, 9600 if it is left out. `-`: standard input; no reports are
+    /// sent
+    #[arg(long, value_name = "DEVICE[,BAUD]", value_parser = line)]
+    serial: Option<Line>,
+    /// Play a recording of a console again, SPEED times as fast as it was; 1 if it is left out
+    #[arg(long, value_name = "FILE[,SPEED]", value_parser = played)]
+    play: Option<(PathBuf, f64)>,
 }
 
-#[derive(clap::Args)]
-pub struct SourceArgs {
-    #[command(flatten)]
-    sources: Sources,
-    /// Bits per second of the serial line
-    #[arg(long, value_name = "BAUD", default_value_t = 9600)]
-    baud: u32,
-    /// Play so many times as fast as it was
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed, requires = "play")]
-    speed: f64,
+/// A line that modem frames come on.
+#[derive(Clone)]
+enum Line {
+    Serial { device: String, baud: u32 },
+    Stdin,
 }
 
-fn speed(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(speed) if (0.01..=10_000.0).contains(&speed) => Ok(speed),
-        _ => Err("must lie between 0.01 and 10000".into()),
+fn line(text: &str) -> Result<Line, String> {
+    let (device, baud) = text.split_once(',').unwrap_or((text, "9600"));
+    match baud.parse() {
+        Ok(_) if text == "-" => Ok(Line::Stdin),
+        Ok(baud) => Ok(Line::Serial { device: device.into(), baud }),
+        Err(_) => Err(format!("\"{baud}\" is no number of bits per second")),
+    }
+}
+
+fn played(text: &str) -> Result<(PathBuf, f64), String> {
+    let (file, speed) = text.rsplit_once(',').unwrap_or((text, "1"));
+    match speed.parse() {
+        Ok(speed) if (0.01..=10_000.0).contains(&speed) => Ok((file.into(), speed)),
+        _ => Err("the speed must lie between 0.01 and 10000".into()),
     }
 }
 
@@ -94,21 +97,21 @@ enum Kind {
 impl SourceArgs {
     pub fn open(&self, mtu: usize) -> anyhow::Result<Source> {
         let mut clock = Clock::system();
-        let (kind, name) = match &self.sources {
-            Sources { udp: Some(at), .. } => {
+        let (kind, name) = match self {
+            SourceArgs { udp: Some(at), .. } => {
                 let socket = endpoint::listen(*at)?;
                 let at = socket.local_addr().context("--udp")?;
                 (Kind::Udp(socket), format!("UDP {at}"))
             }
-            Sources { serial: Some(device), .. } => {
-                let line = SerialLine::open(device, self.baud)?;
-                (Kind::Serial(line), format!("{device} at {} baud", self.baud))
+            SourceArgs { serial: Some(Line::Serial { device, baud }), .. } => {
+                let line = SerialLine::open(device, *baud)?;
+                (Kind::Serial(line), format!("{device} at {baud} baud"))
             }
-            Sources { play: Some(path), .. } => {
+            SourceArgs { play: Some((path, speed)), .. } => {
                 let opening = || format!("--play {}", path.display());
                 let file = BufReader::new(File::open(path).with_context(opening)?);
                 let player = Player::open(file, path)?;
-                clock = Clock::of_recording(player.start(), self.speed);
+                clock = Clock::of_recording(player.start(), *speed);
                 (Kind::Play(player), format!("the recording {}", path.display()))
             }
             _ => (Kind::Stdin, "standard input".into()),

@@ -1,4 +1,4 @@
-//! `nvsprior bench --ablation`: the paper's ablations ("Ablation studies") on a run of frames.
+//! `nvsprior-lab ablation`: the paper's ablations ("Ablation studies") on a run of frames.
 //!
 //! First it compares losses and optimisers from the same starts: the best known poses, moved off along or about one
 //! axis. Then it compares sources of starts.
@@ -17,6 +17,7 @@ mod table;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
+use super::RunArgs;
 use super::context::{Best, Context};
 use super::optimum;
 use judge::{Judge, Verdict};
@@ -26,34 +27,33 @@ use nvsprior_inputs::values;
 use perturbation::{Kind, Limits, Perturbation};
 use start::StartTrial;
 
-/// Flags of the ablation.
+/// Measure the paper's ablations (losses, optimisers, starts)
+///
+/// Writes ablation.csv, ablation-starts.csv, ablation.json, losses.svg and optimizers.svg.
 #[derive(clap::Args)]
-pub struct AblationArgs {
-    /// Measure only the paper's ablations (losses, optimisers, starts)
-    ///
-    /// Writes ablation.csv, ablation-starts.csv, ablation.json, losses.svg and optimizers.svg.
-    #[arg(long)]
-    pub ablation: bool,
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
     /// Starts per kind of perturbation (rotation, translation), the same for every method
-    #[arg(long, value_name = "N", default_value = "40", requires = "ablation")]
-    ablation_trials: NonZeroUsize,
+    #[arg(long, value_name = "N", default_value = "40")]
+    trials: NonZeroUsize,
     /// How many of these starts Adam and Adam→BFGS are measured from; each takes up to 1000 renders
-    #[arg(long, value_name = "N", requires = "ablation", value_parser = values::count)]
-    ablation_adam_trials: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = values::count)]
+    adam_trials: Option<usize>,
     /// Move translations off by up to this, in the prior's unit (paper: 1.58 m)
-    #[arg(long, value_name = "U", default_value = "1.58", value_parser = values::positive, requires = "ablation")]
-    ablation_units: f64,
+    #[arg(long, value_name = "U", default_value = "1.58", value_parser = values::positive)]
+    units: f64,
 }
 
-impl AblationArgs {
+impl Args {
     fn limits(&self) -> Limits {
-        Limits { units: self.ablation_units, degrees: perturbation::DEGREES }
+        Limits { units: self.units, degrees: perturbation::DEGREES }
     }
 
     /// Starts of a kind that a method is measured from.
     fn trials(&self, method: Method) -> usize {
-        let all = self.ablation_trials.get();
-        let adam = self.ablation_adam_trials.unwrap_or(all);
+        let all = self.trials.get();
+        let adam = self.adam_trials.unwrap_or(all);
         if method.slow() { adam.min(all) } else { all }
     }
 }
@@ -81,9 +81,12 @@ pub struct Ablation {
 }
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    optimum::find(context)?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| ablate(args, context, folder))
+}
 
+fn ablate(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    optimum::find(context)?;
     let limits = args.limits();
     let mut searches = Searches::new(context)?;
     let mut judge = Judge::default();
@@ -102,7 +105,7 @@ pub fn run(args: &AblationArgs, context: &mut Context, folder: &Path) -> anyhow:
 
 /// Every method from every start.
 fn measure(
-    args: &AblationArgs,
+    args: &Args,
     context: &mut Context,
     searches: &mut Searches,
     judge: &mut Judge,
@@ -112,7 +115,7 @@ fn measure(
     let total: usize = Method::ALL.iter().map(|method| args.trials(*method)).sum();
     let bar = progress(Kind::ALL.len() * total, "trials");
     let mut trials = Vec::new();
-    for number in 0..args.ablation_trials.get() {
+    for number in 0..args.trials.get() {
         for kind in Kind::ALL {
             let perturbation = Perturbation::of(kind, &args.limits(), number);
             let shot = number % poses.len();

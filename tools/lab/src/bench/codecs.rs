@@ -1,4 +1,4 @@
-//! `nvsprior bench --codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
+//! `nvsprior-lab codecs`: the wavelet coder beside other coders, on the same frames and difference pictures.
 
 pub mod affine;
 mod alike;
@@ -20,41 +20,46 @@ use nvsprior::residual::Tune;
 use nvsprior::{EncoderOptions, Picture, Pose};
 use nvsprior_inputs::args::{progress, with_progress};
 
+use super::RunArgs;
 use super::context::{Context, Shot};
 use super::perturbed::{NEAR, steps};
+use super::searcher::Searcher;
 use external::External;
 use own::Own;
 use point::{Input, Mode, Point};
 use report::Missing;
 use run::{Beside, CodedRun, Run};
 
-/// `bench --codecs` and what it takes.
+/// Measure the wavelet coder and others, on the frames and on the difference pictures
+///
+/// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
+/// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
+/// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
+/// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
+/// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
+/// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv and codecs.svg.
 #[derive(clap::Args)]
-pub struct CodecsArgs {
-    /// Measure only the wavelet coder and others, on the frames and on the difference pictures
-    ///
-    /// The wavelet coder and WebP are built in. JPEG XL needs `cjxl` and `djxl`. The video coders (x264, x265, libaom,
-    /// SVT-AV1, VVenC) need `ffmpeg` with them. Coders that are not installed are named. Bytes are payloads without
-    /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
-    /// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
-    /// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
-    /// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv and codecs.svg.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery"])]
-    pub codecs: bool,
-    /// With `--codecs`: only difference pictures, each coded by itself
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
+    /// Only difference pictures, each coded by itself
     ///
     /// Leaves out whole frames, streams and warps, on which the slowest coders take hours.
-    #[arg(long, requires = "codecs")]
-    pub differences: bool,
+    #[arg(long)]
+    differences: bool,
 }
 
 /// Seed of the poses that an estimator would give.
 const SEED: u64 = 1;
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(args: &CodecsArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    context.one_size("--codecs")?;
-    let found = found(context, context.options())?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| measure(args, context, folder))
+}
+
+fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    context.one_size("this command")?;
+    let found = found(context)?;
     let (poses, beside) = (found.poses, Beside::default());
     let frames = context.shots.iter().map(|shot| shot.picture.clone()).collect();
     let run = Run::new(frames, found.renders, beside);
@@ -191,9 +196,14 @@ pub struct Found {
     pub ms: f64,
 }
 
-/// Has an encoder of these options look for all frames. It codes no difference pictures.
-pub fn found(context: &Context, options: EncoderOptions) -> anyhow::Result<Found> {
-    let mut encoder = context.encoder(EncoderOptions { rate: None, ..options })?;
+/// Has the engine look for all frames.
+pub fn found(context: &Context) -> anyhow::Result<Found> {
+    let options = EncoderOptions { rate: None, ..context.options() };
+    found_by(context, &mut context.encoder(options)?)
+}
+
+/// Has an encoder look for all frames, which codes no difference pictures.
+pub fn found_by(context: &Context, encoder: &mut dyn Searcher) -> anyhow::Result<Found> {
     let mut found = Found { poses: Vec::new(), renders: Vec::new(), psnr: Vec::new(), ms: 0.0 };
     let bar = progress(context.shots.len(), "renders");
     for shot in &context.shots {

@@ -2,13 +2,13 @@
 
 use nvsprior::prior::Splats;
 use nvsprior::render::{Jacobian, SortPrecision};
-use nvsprior::tracking::Optimizer;
 use nvsprior::{EncoderOptions, Prior};
 use serde::Serialize;
 
 use super::context::{Context, OptimizerRun, Sample};
-use super::statistics::Spread;
 use super::steady;
+use nvsprior_inputs::statistics::Spread;
+use nvsprior_paper::Optimizer;
 
 /// Loss that a recommended setting may have, dB in the median.
 const LOSS: f64 = 0.05;

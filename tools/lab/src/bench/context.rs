@@ -5,15 +5,17 @@ use std::sync::Arc;
 use anyhow::Context as _;
 use nvsprior::image::Preprocessor;
 use nvsprior::render::Scene;
-use nvsprior::tracking::{Evaluation, Optimizer};
+use nvsprior::tracking::Evaluation;
 use nvsprior::vulkan::MemoryUse;
 use nvsprior::{
     Camera, Encoder, EncoderOptions, Engine, FrameInfo, FrameStats, Hint, Picture, Pose, Prior,
 };
 
 use super::forward::Forward;
+use super::searcher::Searcher;
 use nvsprior_inputs::frame_file;
 use nvsprior_inputs::input::Input;
+use nvsprior_paper::{DescentOptions, Optimizer};
 
 /// A frame of the run.
 pub struct Shot {
@@ -127,10 +129,22 @@ impl Context {
         Ok(Encoder::new(&self.engine, &self.scene, &self.shots[0].camera, options)?)
     }
 
+    /// An encoder of the first frame's camera by the paper's system, which sends no difference pictures.
+    pub fn papers(&self, optimizer: Optimizer) -> anyhow::Result<nvsprior_paper::Encoder> {
+        let options = nvsprior_paper::EncoderOptions {
+            descent: DescentOptions { optimizer, ..DescentOptions::default() },
+            threshold: self.threshold,
+            rate: None,
+            frames_treated: true,
+        };
+        let camera = &self.shots[0].camera;
+        Ok(nvsprior_paper::Encoder::new(&self.engine, &self.scene, camera, options)?)
+    }
+
     /// Encodes a frame, a forward render of its best known pose just before.
     pub fn sample(
         &mut self,
-        encoder: &mut Encoder,
+        encoder: &mut dyn Searcher,
         shot: usize,
         start: Option<Pose>,
     ) -> anyhow::Result<Sample> {
@@ -138,7 +152,7 @@ impl Context {
         let encoding = || format!("encoding {file}");
         encoder.set_camera(camera).with_context(encoding)?;
         let forward_ms = self.forward.measure(camera, &self.best[shot].pose)?;
-        let encoded = encoder.encode(picture, start).with_context(encoding)?;
+        let encoded = encoder.encode(picture, start.into()).with_context(encoding)?;
         let MemoryUse { used, reserved, buffers } = self.engine.memory();
         let peak = &mut self.device_memory;
         peak.used = peak.used.max(used);

@@ -6,7 +6,7 @@ use std::time::Instant;
 use nvsprior::render::{Plan, Renderer, Scene};
 use nvsprior::{Camera, Engine, Picture, Pose};
 
-use super::statistics::median;
+use nvsprior_inputs::statistics::median;
 
 /// Renders; their median counts.
 const RENDERS: usize = 3;

@@ -1,4 +1,4 @@
-//! `nvsprior bench --frame-times`: most and 99 % of frame times, without a bound and with one.
+//! `nvsprior-lab frame-times`: most and 99 % of frame times, without a bound and with one.
 
 use std::path::Path;
 use std::time::Duration;
@@ -8,22 +8,23 @@ use nvsprior_inputs::args::progress;
 use nvsprior_inputs::values;
 use serde::Serialize;
 
+use super::RunArgs;
 use super::context::Context;
 use super::recovery::pixels;
-use super::statistics::{at, median};
-use crate::report::{Table, fixed, fixed_or_empty, write_json};
+use nvsprior_inputs::report::{Table, fixed, fixed_or_empty, write_json};
+use nvsprior_inputs::statistics::{at, median};
 
-/// `bench --frame-times` and what it takes.
+/// Measure the times of frames: lost, found, in darkness, in silt, and found again
+///
+/// Four runs, from places spread over the frames. Each begins with no pose and no key frame rendered. Without a bound,
+/// then with one. Writes frame-times.json.
 #[derive(clap::Args)]
-pub struct FrameTimesArgs {
-    /// Measure only the times of frames: lost, found, in darkness, in silt, and found again
-    ///
-    /// Four runs, from places spread over the frames. Each begins with no pose and no key frame rendered. Without a
-    /// bound, then with one: so many milliseconds, or else four times the median of the frames that others lead to.
-    /// Writes frame-times.json.
-    #[arg(long, value_name = "MS", num_args = 0..=1, require_equals = true, value_parser = values::milliseconds,
-        conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site", "sizes"])]
-    pub frame_times: Option<Option<Duration>>,
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
+    /// The bound [default: four times the median of the frames that others lead to]
+    #[arg(long, value_name = "MS", value_parser = values::milliseconds)]
+    bound: Option<Duration>,
 }
 
 /// Places at which runs begin.
@@ -86,8 +87,12 @@ struct Row {
 type Timed = (Phase, f64, bool, bool);
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(bound: Option<Duration>, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
-    context.one_size("--frame-times")?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| times(args.bound, context, folder))
+}
+
+fn times(bound: Option<Duration>, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    context.one_size("this command")?;
     let free = measure(context, None)?;
     let steady = free.iter().filter(|frame| frame.0 == Phase::Found).map(|frame| frame.1);
     let usual = Duration::from_secs_f64(4.0 * median(steady) / 1e3);

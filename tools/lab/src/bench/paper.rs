@@ -1,4 +1,4 @@
-//! `nvsprior bench --paper`: the paper's tables, row by row, on any frames.
+//! `nvsprior-lab paper bench`: the paper's tables, row by row, on any frames.
 
 mod coders;
 mod equal;
@@ -17,47 +17,36 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use nvsprior::packet::PoseProfile;
-use nvsprior::tracking::Optimizer;
-use nvsprior::{EncoderOptions, Pose};
-use nvsprior_inputs::input::{InputArgs, starts_file};
+use nvsprior::Pose;
+use nvsprior_inputs::input::starts_file;
+use nvsprior_paper::{Optimizer, POSE_LEN};
 
+use super::RunArgs;
 use super::codecs::run::{Beside, Run};
-use super::codecs::{Found, affine, found};
+use super::codecs::{Found, affine, found, found_by};
 use super::context::Context;
 use estimator::{Estimates, estimates};
 use learned::Learned;
 use methods::Methods;
 use row::Entry;
 
-/// `bench --paper` and what it takes.
+/// Measure the methods of the paper's tables, and the program's own
+///
+/// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and pose
+/// estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned). Methods that
+/// cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with what the paper
+/// reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given with --starts holds
+/// the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
 #[derive(clap::Args)]
-pub struct PaperArgs {
-    /// Measure only the methods of the paper's tables, and the program's own
-    ///
-    /// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and
-    /// pose estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned).
-    /// Methods that cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with
-    /// what the paper reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given
-    /// with --starts holds the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs"])]
-    pub paper: bool,
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
     /// Folder of what learned coders made of exchange/, as `tools/paper` writes it
-    #[arg(long, value_name = "DIR", requires = "paper")]
+    #[arg(long, value_name = "DIR")]
     learned: Option<PathBuf>,
     /// Only N frames, spread evenly over the run
-    #[arg(long, value_name = "N", requires = "paper")]
+    #[arg(long, value_name = "N")]
     frames: Option<NonZeroUsize>,
-}
-
-impl PaperArgs {
-    /// What `--starts` says to the encoder: a file of starts is for a row of its own.
-    pub fn starts<'a>(&self, input: &'a InputArgs) -> &'a str {
-        match starts_file(&input.starts) {
-            Some(_) if self.paper => "first",
-            _ => &input.starts,
-        }
-    }
 }
 
 pub struct Set {
@@ -67,16 +56,19 @@ pub struct Set {
 }
 
 /// Length of a pose in the paper: seven numbers as f32.
-const POSE_BYTES: f64 = 28.0;
+const POSE_BYTES: f64 = POSE_LEN as f64;
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(
-    args: &PaperArgs,
-    input: &InputArgs,
-    context: &mut Context,
-    folder: &Path,
-) -> anyhow::Result<()> {
-    context.one_size("--paper")?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    // A file of starts is for a row of its own, and not for the encoder.
+    let starts = &args.run.input.starts;
+    let told = if starts_file(starts).is_some() { "first" } else { starts };
+    args.run.measured_from(told, |context, folder| measure(args, context, folder))
+}
+
+fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+    context.one_size("this command")?;
+    let input = &args.run.input;
     if let Some(count) = args.frames {
         spread(context, count.get());
     }
@@ -145,9 +137,8 @@ impl Runs {
         regressed: Option<&Estimates>,
     ) -> anyhow::Result<Runs> {
         let frames: Vec<_> = context.shots.iter().map(|shot| shot.picture.clone()).collect();
-        let mut options = EncoderOptions { profile: PoseProfile::Paper, ..context.options() };
-        options.refine.optimizer = Optimizer::Bfgs;
-        let Found { poses, renders, psnr, ms } = found(context, options)?;
+        let mut papers = context.papers(Optimizer::Bfgs)?;
+        let Found { poses, renders, psnr, ms } = found_by(context, &mut papers)?;
         let decode_ms = render_ms(context, &poses)?;
         let beside = Beside { bytes: POSE_BYTES, encode_ms: ms, decode_ms };
         let grey = frames.clone();
@@ -157,7 +148,7 @@ impl Runs {
         };
         let (affine, affine_cnn) = (warped(estimates)?, warped(regressed)?);
         let frames = Run::new(frames, grey, Beside::default());
-        let own = found(context, context.options())?.psnr;
+        let own = found(context)?.psnr;
         let found_psnr = psnr.iter().zip(own).map(|(a, b)| a.max(b)).collect();
         Ok(Runs { frames, invs, found_psnr, affine, affine_cnn })
     }

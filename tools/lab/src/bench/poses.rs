@@ -1,4 +1,4 @@
-//! `nvsprior bench --poses`: how far poses are off, beside what the encoder says of them.
+//! `nvsprior-lab poses`: how far poses are off, beside what the encoder says of them.
 //!
 //! A run is encoded in order, with no pose from outside but the first frame's, under each of some conditions. The poses
 //! of the camera file are the truth. A frame's *ratios* are its errors along and about the camera's axes, each as a
@@ -9,32 +9,33 @@ mod print;
 use std::path::Path;
 
 use nvsprior::packet::{Residual, residual_part_len};
-use nvsprior::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
+use nvsprior::residual::{ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, FrameStats, Picture, Pose, Rate};
 use nvsprior_inputs::args::progress;
 use nvsprior_train::pose_trials::moved;
 use serde::Serialize;
 
+use super::RunArgs;
 use super::context::Context;
 use super::plot;
 use super::recovery::Condition;
-use super::statistics::median;
-use crate::report::{Table, fixed, write_json};
+use nvsprior_inputs::report::{Table, fixed, write_json};
+use nvsprior_inputs::statistics::median;
 
-/// `bench --poses` and what it takes.
+/// Measure how far poses are off, beside what the encoder says of them
+///
+/// Every frame must have its pose in the camera file. Writes poses.json, poses.csv and poses.svg.
 #[derive(clap::Args)]
-pub struct PosesArgs {
-    /// Measure only how far poses are off, beside what the encoder says of them
-    ///
-    /// Of the frames as they are, or changed. Every frame must have its pose in the camera file. Writes poses.json,
-    /// poses.csv and poses.svg.
-    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', num_args = 0.., require_equals = true,
-        conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site", "sizes"])]
-    pub poses: Option<Vec<Condition>>,
-    /// With `--poses`: also search for each frame by itself, from the true pose and from moved ones: how far below the
-    /// best of all starts each ends
-    #[arg(long, requires = "poses")]
-    pub poses_starts: bool,
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
+    /// Of the frames as they are, or changed
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', default_value = "plain")]
+    conditions: Vec<Condition>,
+    /// Also search for each frame by itself, from the true pose and from moved ones: how far below the best of all
+    /// starts each ends
+    #[arg(long)]
+    restarts: bool,
 }
 
 /// The axes: translations along the camera's, and turns about them.
@@ -113,18 +114,21 @@ struct Summary {
 /// Measures, prints and writes it all to a folder.
 ///
 /// `conditions`: none is the frames as they are. `compares`: each frame is also searched for by itself.
-pub fn run(
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| compare(&args.conditions, args.restarts, context, folder))
+}
+
+fn compare(
     conditions: &[Condition],
     compares: bool,
     context: &Context,
     folder: &Path,
 ) -> anyhow::Result<()> {
-    let conditions = if conditions.is_empty() { &[Condition::Plain] } else { conditions };
     for shot in &context.shots {
         let file = &shot.file;
         anyhow::ensure!(shot.known.is_some(), "{file}: its pose is not in the camera file");
     }
-    context.one_size("--poses")?;
+    context.one_size("this command")?;
     let count = conditions.len() * context.shots.len();
     let bar = progress(count, "poses");
     let measure = |condition: &Condition| {
@@ -201,7 +205,7 @@ fn coder_setup(context: &Context) -> ResidualSetup {
     let Camera { width, height, .. } = context.shots[0].camera;
     let tables = context.scene.coder_tables().clone();
     let portable = context.engine.device().portable;
-    let setup = ResidualSetup::new(width, height, ResidualCoder::Wavelet);
+    let setup = ResidualSetup::new(width, height);
     ResidualSetup { tables, portable, ..setup }
 }
 

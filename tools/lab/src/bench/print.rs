@@ -4,8 +4,8 @@ use super::commands::Counts;
 use super::configurations::recommended;
 use super::context::{Context, host_bytes};
 use super::report::{Report, errors};
-use super::statistics::Spread;
 use super::tables;
+use nvsprior_inputs::statistics::Spread;
 
 const MIB: f64 = 1024.0 * 1024.0;
 
@@ -44,10 +44,6 @@ pub fn print(context: &Context, report: &Report) {
     }
     stages(report);
     configurations(report);
-    if !report.scaling.is_empty() {
-        println!();
-        tables::scales(&report.scaling).print();
-    }
 }
 
 fn stages(report: &Report) {

@@ -1,4 +1,4 @@
-//! `nvsprior bench --recovery`: how a lost camera is found again, and whether the encoder knows that it
+//! `nvsprior-lab recovery`: how a lost camera is found again, and whether the encoder knows that it
 //! is lost.
 //!
 //! *Found*: the prior's render at the encoder's pose is at most [`SHORT`] dB below that at the best known pose, both
@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use nvsprior::Prior;
 
+use super::RunArgs;
 use super::context::Context;
 use super::optimum;
 use super::perturbed::SHORT;
@@ -64,72 +65,59 @@ impl Measurement {
     }
 }
 
-/// Flags of the recovery.
+/// Measure how a lost camera is found again
+///
+/// Every frame must have its pose in the camera file. Writes recovery.csv, recovery.json and recovery.svg.
 #[derive(clap::Args)]
-pub struct RecoveryArgs {
-    /// Measure how a lost camera is found again, in place of all else
-    ///
-    /// Every frame must have its pose in the camera file. Writes recovery.csv, recovery.json and
-    /// recovery.svg.
-    #[arg(long, conflicts_with = "ablation")]
-    pub recovery: bool,
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
     /// Number of starts per figure, and of rolled copies of the frames
-    #[arg(long, value_name = "N", default_value = "100", requires = "recovery")]
-    recovery_trials: NonZeroUsize,
+    #[arg(long, value_name = "N", default_value = "100")]
+    trials: NonZeroUsize,
     /// Only these measurements [default: all, foreign if --foreign is given]
-    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
-    recovery_only: Vec<Measurement>,
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
+    only: Vec<Measurement>,
     /// Only these conditions, for frames without any known pose [default: all]
-    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',', requires = "recovery")]
-    recovery_conditions: Vec<Condition>,
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
+    conditions: Vec<Condition>,
     /// The prior of another scene, which the frames must not be found in
-    #[arg(
-        long,
-        value_name = "PRIOR",
-        requires = "recovery",
-        required_if_eq("recovery_only", "foreign")
-    )]
+    #[arg(long, value_name = "PRIOR", required_if_eq("only", "foreign"))]
     foreign: Option<PathBuf>,
     /// Places of the run at which dropouts begin
-    #[arg(long, value_name = "N", default_value = "3", requires = "recovery")]
-    recovery_places: NonZeroUsize,
+    #[arg(long, value_name = "N", default_value = "3")]
+    places: NonZeroUsize,
     /// Lengths of dropouts, frames
-    #[arg(
-        long,
-        value_name = "N",
-        value_delimiter = ',',
-        default_value = "1,4,15,60",
-        requires = "recovery"
-    )]
-    recovery_dropouts: Vec<NonZeroUsize>,
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "1,4,15,60")]
+    dropouts: Vec<NonZeroUsize>,
     /// Frames per second of the run, if the frames' times are not known
-    #[arg(long, value_name = "FPS", default_value = "3", value_parser = values::positive, requires = "recovery")]
-    recovery_rate: f64,
+    #[arg(long, value_name = "FPS", default_value = "3", value_parser = values::positive)]
+    rate: f64,
 }
 
-impl RecoveryArgs {
+impl Args {
     fn measures(&self, measurement: Measurement) -> bool {
-        if self.recovery_only.is_empty() {
+        if self.only.is_empty() {
             return measurement != Measurement::Foreign || self.foreign.is_some();
         }
-        self.recovery_only.contains(&measurement)
+        self.only.contains(&measurement)
     }
 
     fn conditions(&self) -> &[Condition] {
-        if self.recovery_conditions.is_empty() {
-            &Condition::ALL
-        } else {
-            &self.recovery_conditions
-        }
+        if self.conditions.is_empty() { &Condition::ALL } else { &self.conditions }
     }
 }
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| recover(args, context, folder))
+}
+
+fn recover(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     for shot in &context.shots {
         anyhow::ensure!(
             shot.known.is_some(),
-            "{}: its pose is not in the camera file, but --recovery needs the pose of every frame",
+            "{}: its pose is not in the camera file, but this command needs the pose of every frame",
             shot.file
         );
     }
@@ -146,11 +134,11 @@ pub fn run(args: &RecoveryArgs, context: &mut Context, folder: &Path) -> anyhow:
 }
 
 fn measure(
-    args: &RecoveryArgs,
+    args: &Args,
     context: &mut Context,
     foreign: Option<&Prior>,
 ) -> anyhow::Result<Vec<Run>> {
-    let trials = args.recovery_trials.get();
+    let trials = args.trials.get();
     let mut runs = Vec::new();
     if args.measures(Measurement::Capture) {
         runs.extend(capture::measure(context, trials)?);
@@ -159,9 +147,9 @@ fn measure(
         runs.extend(nothing::measure(context, args.conditions(), trials)?);
     }
     if args.measures(Measurement::Dropouts) {
-        let lengths: Vec<usize> = args.recovery_dropouts.iter().map(|n| n.get()).collect();
-        let places = args.recovery_places.get();
-        runs.extend(dropouts::measure(context, &lengths, places, args.recovery_rate)?);
+        let lengths: Vec<usize> = args.dropouts.iter().map(|n| n.get()).collect();
+        let places = args.places.get();
+        runs.extend(dropouts::measure(context, &lengths, places, args.rate)?);
     }
     if let Some(prior) = foreign {
         runs.extend(foreign::measure(context, prior)?);

@@ -9,12 +9,11 @@ use super::commands::FrameCommands;
 use super::configurations::{Row, recommended};
 use super::context::{Best, Context, OptimizerRun, Sample, Shot, host_bytes};
 use super::perturbed::SHORT;
-use super::scaling;
 use super::stages::{Stage, Stages};
-use super::statistics::Spread;
 use super::steady::Rates;
 use crate::ceilings::Ceilings;
-use crate::report::write_json;
+use nvsprior_inputs::report::write_json;
+use nvsprior_inputs::statistics::Spread;
 
 pub struct Report {
     /// The steady run, then gradient methods on the first frames of the same.
@@ -24,7 +23,6 @@ pub struct Report {
     pub far: Vec<Sample>,
     pub stages: Stages,
     pub configurations: Vec<Row>,
-    pub scaling: Vec<scaling::Row>,
     /// Peak of host memory when the steady run was done, bytes.
     pub host_bytes_steady: Option<u64>,
 }
@@ -121,7 +119,6 @@ struct Root<'a> {
     commands: FrameCommands,
     configurations: &'a [Row],
     recommended: Option<&'a str>,
-    scaling: &'a [scaling::Row],
 }
 
 /// What was measured on: the head of several reports.
@@ -234,7 +231,6 @@ pub fn write(path: &Path, context: &Context, report: &Report) -> anyhow::Result<
         commands: report.stages.commands,
         configurations: &report.configurations,
         recommended: recommended(&report.configurations).map(|row| row.name.as_str()),
-        scaling: &report.scaling,
     };
     write_json(path, &root)
 }

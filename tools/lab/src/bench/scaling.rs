@@ -1,4 +1,4 @@
-//! Time against the number of splats and the size of the picture.
+//! `nvsprior-lab scaling`: time against the number of splats and the size of the picture.
 
 use std::time::Instant;
 
@@ -10,7 +10,10 @@ use serde::Serialize;
 use super::configurations::chosen;
 use super::context::Context;
 use super::perturbed::even;
-use super::statistics::median;
+use super::{RunArgs, optimum, plot};
+use nvsprior_inputs::args::with_progress;
+use nvsprior_inputs::report::{Table, fixed_or_empty, write_json};
+use nvsprior_inputs::statistics::median;
 
 const SPLATS: [usize; 5] = [5_000, 20_000, 80_000, 320_000, 2_000_000];
 const SIZES: [(u32, u32); 4] = [(160, 90), (320, 180), (640, 360), (1280, 720)];
@@ -31,10 +34,31 @@ pub struct Row {
     pub error: Option<String>,
 }
 
-pub const COUNT: usize = SPLATS.len() * SIZES.len();
+const COUNT: usize = SPLATS.len() * SIZES.len();
+
+/// Measure time against the number of splats (to 2 million) and pixels (to 1280×720)
+///
+/// Writes scaling.json, scaling.csv and scaling.svg.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    run: RunArgs,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    args.run.measured(|context, folder| {
+        optimum::find(context)?;
+        let rows = with_progress(COUNT, "sizes", |done| measure(context, done));
+        let table = table(&rows);
+        table.print();
+        table.write_csv(&folder.join("scaling.csv"))?;
+        write_json(&folder.join("scaling.json"), &rows)?;
+        plot::scaling(&folder.join("scaling.svg"), &rows)
+    })
+}
 
 /// Measures all, at the first frame's best known pose.
-pub fn measure(context: &Context, done: impl Fn()) -> Vec<Row> {
+fn measure(context: &Context, done: impl Fn()) -> Vec<Row> {
     let mut rows = Vec::new();
     for splats in SPLATS {
         let prior =
@@ -54,6 +78,21 @@ pub fn measure(context: &Context, done: impl Fn()) -> Vec<Row> {
         }
     }
     rows
+}
+
+/// Times against sizes.
+fn table(rows: &[Row]) -> Table {
+    Table::of(
+        rows,
+        &[
+            ("splats", &|r| r.splats.to_string()),
+            ("width", &|r| r.width.to_string()),
+            ("height", &|r| r.height.to_string()),
+            ("forward_ms", &|r| fixed_or_empty(r.forward_ms, 3)),
+            ("evaluation_ms", &|r| fixed_or_empty(r.evaluation_ms, 3)),
+            ("error", &|r| r.error.clone().unwrap_or_default()),
+        ],
+    )
 }
 
 /// Milliseconds of a forward render and of an evaluation.

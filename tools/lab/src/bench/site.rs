@@ -1,4 +1,4 @@
-//! `nvsprior bench --site`: time and memory of priors in blocks, by the size of the site.
+//! `nvsprior-lab site`: time and memory of priors in blocks, by the size of the site.
 
 mod flight;
 mod measured;
@@ -9,61 +9,61 @@ use std::process::Command;
 
 use anyhow::{Context as _, ensure};
 use nvsprior::Prior;
+use nvsprior_basin::PRIOR;
 use nvsprior_inputs::args::{DeviceArgs, progress};
 use serde_json::{Value, json};
 
-use super::plot;
+use super::{ReportArgs, plot};
 use tiled::Tiled;
 
-/// `bench --site` and what it takes.
+/// Measure priors in blocks: sites of 100,000, a million and ten million splats, which are rows of copies of one scene
+///
+/// A camera flies along the row and looks to the side. Measures the time of a frame, and the memory of a process that
+/// encodes. Then it crosses --parts copies, and compares each packet with that of the prior loaded whole. Writes
+/// site.json, flight.json and site.svg.
 #[derive(clap::Args)]
-pub struct SiteArgs {
-    /// Measure only priors in blocks: sites of 100,000, a million and ten million splats, which are rows of copies of
-    /// one scene
-    ///
-    /// A camera flies along the row and looks to the side. Measures the time of a frame, and the memory of a process
-    /// that encodes. Then it crosses --site-parts copies, and compares each packet with that of the prior loaded whole.
-    /// Writes site.json, flight.json and site.svg. Takes --prior in place of the demo's, if that is a scene of its
-    /// shape.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs", "paper"])]
-    pub site: bool,
-    /// With `--site`: most memory of the splats
-    #[arg(long, value_name = "MIB", default_value_t = 256, requires = "site",
-        value_parser = clap::value_parser!(u32).range(1..))]
-    pub site_memory: u32,
-    /// With `--site`: copies that the flight crosses
-    #[arg(long, value_name = "N", default_value_t = 60, requires = "site",
-        value_parser = clap::value_parser!(u32).range(1..=200))]
-    pub site_parts: u32,
-    /// What a process started by `bench --site` measures
-    #[arg(long, value_name = "FILE", hide = true, requires = "site")]
-    site_prior: Option<PathBuf>,
+pub struct Args {
+    /// The scene, of the shape of the demo's [default: the demo's]
+    #[arg(long, value_name = "FILE")]
+    prior: Option<PathBuf>,
+    /// Most memory of the splats
+    #[arg(long, value_name = "MIB", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
+    memory: u32,
+    /// Copies that the flight crosses
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=200))]
+    parts: u32,
+    /// What a process that this command starts measures
+    #[arg(long, value_name = "FILE", hide = true)]
+    blocked: Option<PathBuf>,
     /// It crosses the site, and compares with the whole prior
-    #[arg(long, hide = true, requires = "site_prior")]
-    site_flight: bool,
+    #[arg(long, hide = true, requires = "blocked")]
+    flight: bool,
+    #[command(flatten)]
+    report: ReportArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// Splats of the sites.
 const SPLATS: [usize; 3] = [100_000, 1_000_000, 10_000_000];
 
-/// Measures, prints and writes it all to a folder. `scene`: what the row is made of.
-pub fn run(
-    args: &SiteArgs,
-    scene: impl FnOnce() -> anyhow::Result<Prior>,
-    device: &DeviceArgs,
-    folder: &Path,
-) -> anyhow::Result<()> {
-    let limit = u64::from(args.site_memory) << 20;
-    if let Some(blocked) = &args.site_prior {
+/// Measures, prints and writes it all to a folder.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let (folder, device) = (args.report.folder()?, &args.device);
+    let limit = u64::from(args.memory) << 20;
+    if let Some(blocked) = &args.blocked {
         let engine = device.open()?;
-        let value = match args.site_flight {
+        let value = match args.flight {
             true => flight::fly(&engine, blocked, limit)?,
             false => measured::measure(&engine, blocked, limit)?,
         };
         std::fs::write(outcome_of(blocked), value.to_string())?;
         return device.check(&engine);
     }
-    let tiled = Tiled::of(&scene()?)?;
+    let tiled = Tiled::of(&match &args.prior {
+        Some(file) => Prior::open(file, &Default::default())?,
+        None => Prior::from_bytes(PRIOR, "the demo's prior", &Default::default())?,
+    })?;
     let mut rows = Vec::new();
     for splats in SPLATS {
         rows.push(in_a_process(folder, &tiled, splats, false)?);
@@ -76,7 +76,7 @@ pub fn run(
         format!("{name} × {:.2}", of(&rows[2]) / of(&rows[1]))
     });
     println!("from a million splats to ten million: {}", growth.join(", "));
-    let parts = args.site_parts as usize;
+    let parts = args.parts as usize;
     let flight = in_a_process(folder, &tiled, parts * tiled.part(), true)?;
     std::fs::write(folder.join("flight.json"), serde_json::to_string_pretty(&flight)?)?;
     println!("flight across {parts} copies: {flight:#}");
@@ -102,8 +102,8 @@ fn in_a_process(
     bar.finish_and_clear();
     let mut command = Command::new(std::env::current_exe()?);
     // The arguments of this process, and what it is to measure.
-    command.args(std::env::args_os().skip(1)).arg("--site-prior").arg(&blocked);
-    command.args(flight.then_some("--site-flight"));
+    command.args(std::env::args_os().skip(1)).arg("--blocked").arg(&blocked);
+    command.args(flight.then_some("--flight"));
     let status = command.status().context("starting a process to measure in")?;
     ensure!(status.success(), "measuring {} failed: {status}", blocked.display());
     let outcome = outcome_of(&blocked);

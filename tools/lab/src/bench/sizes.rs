@@ -1,4 +1,4 @@
-//! `nvsprior bench --sizes`: bytes, times and memory by the size of the pictures.
+//! `nvsprior-lab sizes`: bytes, times and memory by the size of the pictures.
 
 mod coder;
 
@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::ensure;
 use nvsprior::image::Preprocessor;
 use nvsprior::render::Scene;
-use nvsprior::residual::{ResidualCoder, ResidualSetup};
+use nvsprior::residual::ResidualSetup;
 use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, FrameStats, Rate};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
@@ -16,24 +16,28 @@ use serde::Serialize;
 
 use super::context::{Shot, host_bytes};
 use super::forward::Forward;
-use super::plot;
-use super::statistics::median;
-use crate::report::{Table, fixed, fixed_or_empty, write_json};
+use super::{ReportArgs, plot};
+use nvsprior_inputs::report::{Table, fixed, fixed_or_empty, write_json};
+use nvsprior_inputs::statistics::median;
 
-/// `bench --sizes` and what it takes.
+/// Measure sizes of pictures: bytes at 31, 32 and 33 dB, times and memory at each width
+///
+/// Also the wavelet coder's CPU time by rate. Writes sizes.json, sizes.csv, coder.csv, bytes.svg, times.svg and
+/// psnr.svg.
 #[derive(clap::Args)]
-pub struct SizesArgs {
-    /// Measure only sizes of pictures: bytes at 31, 32 and 33 dB, times and memory at each width
-    ///
-    /// Also the wavelet coder's CPU time by rate. Writes sizes.json, sizes.csv, coder.csv, bytes.svg, times.svg and
-    /// psnr.svg.
-    #[arg(long, conflicts_with_all = ["ablation", "recovery", "codecs", "paper", "site"])]
-    pub sizes: bool,
-    /// With `--sizes`: the widths. Those wider than the frames are left out
-    #[arg(long, value_name = "PIXELS,...", value_delimiter = ',', requires = "sizes",
-        default_values_t = [160, 320, 640, 1280],
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    /// The widths. Those wider than the frames are left out
+    #[arg(long, value_name = "PIXELS,...", value_delimiter = ',', default_values_t = [160, 320, 640, 1280],
         value_parser = clap::value_parser!(u32).range(1..=i64::from(Camera::MAX_SIDE)))]
-    sizes_widths: Vec<u32>,
+    widths: Vec<u32>,
+    #[command(flatten)]
+    report: ReportArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// The qualities that bytes are measured at, dB.
@@ -79,22 +83,17 @@ struct Row {
 }
 
 /// Measures, prints and writes it all to a folder.
-pub fn run(
-    args: &SizesArgs,
-    prior: &PriorArgs,
-    input: &InputArgs,
-    device: &DeviceArgs,
-    folder: &Path,
-) -> anyhow::Result<()> {
-    let prior = prior.open()?;
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let (folder, input) = (args.report.folder()?, &args.input);
+    let prior = args.prior.open()?;
     let inputs = input.at_width(0).frames()?;
     let widest = inputs.iter().map(|input| input.camera.width).min().unwrap_or(0);
-    let mut widths = args.sizes_widths.clone();
+    let mut widths = args.widths.clone();
     widths.sort_unstable();
     widths.retain(|width| *width <= widest);
-    ensure!(!widths.is_empty(), "--sizes-widths: the frames are only {widest} pixels wide");
+    ensure!(!widths.is_empty(), "--widths: the frames are only {widest} pixels wide");
     ensure!(inputs.len() > 1, "one frame is no run, as the first one does not count");
-    let engine = device.open()?;
+    let engine = args.device.open()?;
     let scene = engine.upload(&prior)?;
     let mut preprocessor = Preprocessor::new(prior.preprocessing());
     let mut rows = Vec::new();
@@ -112,7 +111,7 @@ pub fn run(
     coder.write_csv(&folder.join("coder.csv"))?;
     write_json(&folder.join("sizes.json"), &rows)?;
     plots(&rows, folder)?;
-    device.check(&engine)
+    args.device.check(&engine)
 }
 
 /// A size under way.
@@ -188,7 +187,7 @@ impl Size<'_> {
     fn coder_setup(&self, camera: &Camera) -> ResidualSetup {
         let tables = self.scene.coder_tables().clone();
         let portable = self.engine.device().portable;
-        let setup = ResidualSetup::new(camera.width, camera.height, ResidualCoder::Wavelet);
+        let setup = ResidualSetup::new(camera.width, camera.height);
         ResidualSetup { tables, portable, ..setup }
     }
 

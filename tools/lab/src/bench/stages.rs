@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use anyhow::Context as _;
-use nvsprior::packet::QuantisedPose;
+use nvsprior::packet::{PoseProfile, QuantisedPose};
 use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
 use nvsprior::tracking::{
@@ -31,7 +31,7 @@ pub struct Runs {
 }
 
 impl Runs {
-    /// As `nvsprior bench` has it.
+    /// As `nvsprior-lab bench` has it.
     pub const BENCH: Runs = Runs { most: 10, end: None, fastest: false };
 
     fn goes_on(&self, done: u32) -> bool {
@@ -234,7 +234,7 @@ pub struct Search {
 fn search(context: &Context, runs: Runs) -> anyhow::Result<Search> {
     let EncoderOptions { refine, factors, threshold, .. } = context.options();
     let (refine, profile): (RefineOptions, _) = (refine, nvsprior_kernels::search::COMPACT);
-    let search = Some(refine.jacobian());
+    let search = Some(refine.jacobian);
     let plan = Plan { factors, search, profiled: true, ..Plan::picture() };
     let last = (context.shots.len() - 1).min(2);
     let shot = &context.shots[last];
@@ -289,9 +289,10 @@ const NEARBY: u32 = 2;
 
 /// A search of few evaluations at full size from the best known pose: one submission, whatever the frame.
 pub fn search_nearby(context: &Context, runs: Runs) -> anyhow::Result<Search> {
-    let EncoderOptions { refine, factors, profile, .. } = context.options();
+    let EncoderOptions { refine, factors, .. } = context.options();
+    let profile = PoseProfile::Compact;
     let (shot, pose) = (&context.shots[0], &context.best[0].pose);
-    let search = Some(refine.jacobian());
+    let search = Some(refine.jacobian);
     let plan = Plan { factors, search, profiled: true, ..Plan::picture() };
     let mut renderer = context.engine.renderer(&context.scene, &shot.camera, plan)?;
     renderer.set_picture(&shot.picture);

@@ -2,10 +2,11 @@
 
 use std::time::Instant;
 
-use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoded, EncoderOptions, Pipeline};
+use nvsprior_paper::Optimizer;
 
 use super::context::{Context, OptimizerRun, Sample, Shot};
+use super::searcher::Searcher;
 
 /// Encodes the first `frames` frames with one encoder. The first one, which is searched afresh,
 /// does not count. `done` is told of each frame, and says whether to go on; one frame counts in any case.
@@ -16,12 +17,21 @@ pub fn measure(
     done: impl Fn() -> bool,
 ) -> anyhow::Result<Vec<Sample>> {
     let mut encoder = context.encoder(options)?;
+    measure_by(context, &mut encoder, frames, done)
+}
+
+fn measure_by(
+    context: &mut Context,
+    encoder: &mut dyn Searcher,
+    frames: usize,
+    done: impl Fn() -> bool,
+) -> anyhow::Result<Vec<Sample>> {
     let mut samples = Vec::new();
     for shot in 0..frames.min(context.shots.len()) {
         // If the first frame has no pose from outside, start from its best known pose, so that the run begins in the
         // same way.
         let start = context.shots[shot].external.or((shot == 0).then_some(context.best[0].pose));
-        let sample = context.sample(&mut encoder, shot, start)?;
+        let sample = context.sample(encoder, shot, start)?;
         context.learn(&sample);
         samples.push(sample);
         if !done() && shot > 0 {
@@ -38,13 +48,12 @@ pub fn descend(
     frames: usize,
     done: impl Fn(),
 ) -> anyhow::Result<OptimizerRun> {
-    let mut options = context.options();
-    options.refine.optimizer = optimizer;
+    let mut encoder = context.papers(optimizer)?;
     let done = || {
         done();
         true
     };
-    Ok(OptimizerRun { optimizer, samples: measure(context, options, frames, done)? })
+    Ok(OptimizerRun { optimizer, samples: measure_by(context, &mut encoder, frames, done)? })
 }
 
 /// Frames per second, without the first frame.

@@ -5,14 +5,13 @@ use std::path::Path;
 use nvsprior::image::psnr_of_mse;
 use nvsprior::tracking::Evaluation;
 
+use super::configurations;
 use super::context::{Context, Sample};
 use super::report::{Figures, Report};
 use super::stages::Stage;
-use super::{configurations, scaling};
-use crate::report::{Table, fixed, fixed_or_empty};
+use nvsprior_inputs::report::{Table, fixed};
 
-/// Writes trace.csv, frames.csv, trials.csv, stages.csv, and configurations.csv and scaling.csv if
-/// these were measured.
+/// Writes trace.csv, frames.csv, trials.csv, stages.csv, and configurations.csv if these were measured.
 pub fn write(folder: &Path, context: &Context, report: &Report) -> anyhow::Result<()> {
     let runs: Vec<_> =
         report.runs.iter().map(|run| (run.optimizer.name(), &run.samples[..])).collect();
@@ -22,9 +21,6 @@ pub fn write(folder: &Path, context: &Context, report: &Report) -> anyhow::Resul
     stages(&report.stages.stages).write_csv(&folder.join("stages.csv"))?;
     if !report.configurations.is_empty() {
         settings(&report.configurations).write_csv(&folder.join("configurations.csv"))?;
-    }
-    if !report.scaling.is_empty() {
-        scales(&report.scaling).write_csv(&folder.join("scaling.csv"))?;
     }
     Ok(())
 }
@@ -106,21 +102,6 @@ pub fn settings(rows: &[configurations::Row]) -> Table {
             ("pose_error_degrees", &|r| fixed(r.degrees.median, 5)),
             ("bytes_quality_10", &|r| fixed(r.bytes.median, 0)),
             ("pareto", &|r| r.pareto.to_string()),
-        ],
-    )
-}
-
-/// Times against sizes; also printed.
-pub fn scales(rows: &[scaling::Row]) -> Table {
-    Table::of(
-        rows,
-        &[
-            ("splats", &|r| r.splats.to_string()),
-            ("width", &|r| r.width.to_string()),
-            ("height", &|r| r.height.to_string()),
-            ("forward_ms", &|r| fixed_or_empty(r.forward_ms, 3)),
-            ("evaluation_ms", &|r| fixed_or_empty(r.evaluation_ms, 3)),
-            ("error", &|r| r.error.clone().unwrap_or_default()),
         ],
     )
 }

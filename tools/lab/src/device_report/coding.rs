@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use nvsprior::packet::{Latent, PoseProfile, QuantisedPose, Residual, Session};
 use nvsprior::render::{Plan, Renderer};
-use nvsprior::residual::{ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune};
+use nvsprior::residual::{ResidualDecoder, ResidualEncoder, ResidualSetup, Tune};
 use nvsprior::{Camera, Decoder, Packet, Picture, Pose, Rate};
 
 use super::pace::Pace;
 use super::schema::Coding;
 use crate::bench::context::{Context, Shot};
-use crate::bench::statistics::Spread;
+use nvsprior_inputs::statistics::Spread;
 
 /// A frame's pose, and how long the search for it took, if there was one.
 pub struct Found {
@@ -69,8 +69,7 @@ impl Coders<'_> {
         let Camera { width, height, .. } = camera;
         let (tables, portable) = (scene.coder_tables().clone(), engine.device().portable);
         let residual = ResidualDecoder::new(width, height, &tables);
-        let coder = ResidualCoder::Wavelet;
-        let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
+        let setup = ResidualSetup { width, height, tune: Tune::Psnr, tables, portable };
         let encoder = ResidualEncoder::new(&setup);
         Ok(Coders {
             context,

@@ -6,7 +6,7 @@ use anyhow::Context as _;
 
 use super::schema::{Best, Coding, Report, Size};
 use crate::bench::stages::{FLOW, PICTURE};
-use crate::report::{Table, between, fixed};
+use nvsprior_inputs::report::{Table, between, fixed};
 
 const BEGIN: &str = "<!-- devices: written by `nvsprior device-report --table` -->\n";
 const END: &str = "<!-- devices: end -->\n";

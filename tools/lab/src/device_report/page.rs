@@ -2,7 +2,7 @@
 
 use super::schema::Report;
 use super::{plots, print};
-use crate::report::{Table, escaped};
+use nvsprior_inputs::report::{Table, escaped};
 
 const STYLE: &str = "body { font-family: sans-serif; max-width: 960px; margin: 2em auto; padding: 0 1em; }
 table { border-collapse: collapse; margin: 1em 0; }

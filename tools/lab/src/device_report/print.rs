@@ -2,8 +2,8 @@
 
 use super::schema::{Report, Size, StageRow};
 use crate::bench::report::Figures;
-use crate::bench::statistics::Spread;
-use crate::report::{Table, fixed, fixed_or_empty};
+use nvsprior_inputs::report::{Table, fixed, fixed_or_empty};
+use nvsprior_inputs::statistics::Spread;
 
 const MEGA: f64 = 1e6;
 

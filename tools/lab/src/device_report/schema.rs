@@ -9,9 +9,9 @@ use serde_json::Value;
 use super::Bounds;
 use super::host::Host;
 use crate::bench::report::Figures;
-use crate::bench::statistics::Spread;
 use crate::ceilings::{Ceilings, Clock};
-use crate::verify_device::Verdict;
+use nvsprior_inputs::statistics::Spread;
+use nvsprior_reference::device_check::Verdict;
 
 /// Rises if a name changes its meaning, or goes.
 pub const VERSION: u32 = 1;

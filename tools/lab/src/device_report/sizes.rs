@@ -13,9 +13,9 @@ use crate::bench::context::{Best, Context, Shot, host_bytes};
 use crate::bench::forward::Forward;
 use crate::bench::report::Figures;
 use crate::bench::stages::Runs;
-use crate::bench::statistics::median;
 use crate::bench::{perturbed, steady, trials};
 use crate::cost::Machine;
+use nvsprior_inputs::statistics::median;
 
 /// The demo's: a frame starts from the one before if the mean squared error there is below this.
 const THRESHOLD: f64 = 1e-2;

@@ -1,7 +1,7 @@
 //! The report as the table of `docs/experiments/gpu-check.md`, and the comparison of the two.
 
 use super::row::Row;
-use crate::report::{Table, between, fixed};
+use nvsprior_inputs::report::{Table, between, fixed};
 
 const BEGIN: &str = "<!-- gpu-check: written by `make gpu-check RENEW=1` -->\n";
 const END: &str = "<!-- gpu-check: end -->\n";

@@ -5,7 +5,7 @@ use std::time::Instant;
 use nvsprior::image::psnr_of_mse;
 use nvsprior::prior::Splats;
 use nvsprior::render::{Jacobian, NormalEquations, Plan, Renderer, SortPrecision, to_byte};
-use nvsprior::tracking::{GaussNewtonOptions, Objective, Optimizer, RefineOptions, Tracker};
+use nvsprior::tracking::{GaussNewtonOptions, Objective, RefineOptions, Tracker};
 use nvsprior::vulkan::Error;
 use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_kernels::search::{self, COMPACT, Placement, Program, Search};
@@ -130,7 +130,6 @@ impl Scenario {
         let before = renderer.normal_equations(0, jacobian, &start)?.mse();
         let seen_before = seen(&mut renderer, &start, &twin.frame)?;
         let refine = RefineOptions { jacobian, sort_precision, ..RefineOptions::default() };
-        debug_assert_eq!(refine.optimizer, Optimizer::GaussNewton);
         let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
         let found = tracker.track(&twin.frame, &start.into())?;
         let mut row = Row::of(path, since);

@@ -3,8 +3,9 @@
 use std::time::Instant;
 
 use nvsprior::prior::Splats;
-use nvsprior::tracking::{Optimizer, Stop};
+use nvsprior::tracking::Stop;
 use nvsprior::{Encoder, EncoderOptions, Picture, Pose, Prior, RenderOptions};
+use nvsprior_paper::Optimizer;
 
 use super::case::{Bench, Case, Done, Group, Row};
 use super::refined::{OPTIMIZERS, Sought, picture};

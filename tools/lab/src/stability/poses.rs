@@ -1,12 +1,12 @@
 //! Stiff poses: views that leave a part of the pose open, or nearly so.
 
 use nvsprior::prior::Splats;
-use nvsprior::tracking::{Optimizer, PoseEstimate};
 use nvsprior::{Camera, Pose, RenderOptions};
+use nvsprior_paper::Optimizer;
 
 use super::case::{Bench, Case, Group, Row};
 use super::measure::{Limits, Scenario};
-use super::refined::Sought;
+use super::refined::{Found, Sought};
 use super::scenes::{self, One, Random};
 
 pub const GROUP: Group = Group {
@@ -107,7 +107,7 @@ fn case(
     })
 }
 
-fn check(row: &mut Row, sought: &Sought, found: &PoseEstimate, holds: Holds) {
+fn check(row: &mut Row, sought: &Sought, found: &Found, holds: Holds) {
     let open = found.observability.undetermined().count();
     match holds {
         Holds::Stiff | Holds::Jumps => {}
@@ -129,7 +129,7 @@ fn check(row: &mut Row, sought: &Sought, found: &PoseEstimate, holds: Holds) {
 }
 
 /// How far a search went along directions that the picture does not determine, in depths and radians.
-fn along_open(sought: &Sought, found: &PoseEstimate) -> f64 {
+fn along_open(sought: &Sought, found: &Found) -> f64 {
     let length = found.observability.length.max(f64::MIN_POSITIVE);
     let motion = found.outcome.pose.after(&sought.start.inverse()).log();
     let along = |direction: &[f64; 6]| -> f64 {

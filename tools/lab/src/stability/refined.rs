@@ -2,15 +2,24 @@
 
 use std::time::Instant;
 
-use nvsprior::render::Plan;
-use nvsprior::tracking::{Objective, Optimizer, PoseEstimate, RefineOptions, Tracker};
+use anyhow::Context as _;
+use nvsprior::render::{Jacobian, Plan};
+use nvsprior::tracking::{Objective, Observability, Outcome, RefineOptions, Tracker};
 use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_kernels::search::COMPACT;
+use nvsprior_paper::{DescentOptions, Optimizer, minimise};
 
 use super::case::{Bench, Descent, Row};
 
 pub const OPTIMIZERS: [Optimizer; 4] =
     [Optimizer::GaussNewton, Optimizer::Bfgs, Optimizer::Adam, Optimizer::AdamBfgs];
+
+/// What a search came to.
+pub struct Found {
+    pub outcome: Outcome,
+    pub observability: Observability,
+    evaluations: usize,
+}
 
 /// A frame of a prior, and the start of searches for its pose.
 pub struct Sought<'a> {
@@ -36,32 +45,30 @@ pub fn picture(
 impl Sought<'_> {
     /// Searches, and checks what every search must do: end no worse than it began, at finite numbers, and no farther
     /// off than the scene is deep.
-    pub fn refine(
-        &self,
-        bench: &Bench,
-        optimizer: Optimizer,
-    ) -> anyhow::Result<(PoseEstimate, Row)> {
+    pub fn refine(&self, bench: &Bench, optimizer: Optimizer) -> anyhow::Result<(Found, Row)> {
         let since = Instant::now();
-        let refine = RefineOptions { optimizer, ..RefineOptions::default() };
+        let refine = RefineOptions::default();
         let search = optimizer == Optimizer::GaussNewton;
         let plan = Plan {
             factors: vec![1, 2, 4, 8],
-            jacobians: if search { Vec::new() } else { vec![refine.jacobian()] },
-            search: search.then_some(refine.jacobian()),
+            jacobians: if search { Vec::new() } else { vec![Jacobian::Exact] },
+            search: search.then_some(refine.jacobian),
             sort_precision: refine.sort_precision,
             depths: false,
             profiled: false,
         };
         let scene = bench.engine.upload(self.prior)?;
         let renderer = bench.engine.renderer(&scene, &self.camera, plan)?;
-        let mut tracker = Tracker::new(Objective::new(renderer), refine, 1e-3, COMPACT);
-        let found = tracker.track(self.frame, &self.start.into())?;
-        let found = found.ok_or_else(|| anyhow::anyhow!("a start was given"))?;
+        let objective = Objective::new(renderer);
+        let found = match search {
+            true => self.tracked(objective, refine)?,
+            false => self.descended(objective, optimizer)?,
+        };
         let begun = picture(bench, self.prior, &self.camera, &self.start)?.mse(self.frame);
         let end = picture(bench, self.prior, &self.camera, &found.outcome.pose)?.mse(self.frame);
         let mut row = Row::of(optimizer.name(), since);
-        let evaluations = tracker.trace().len();
-        row.descent = Some(Descent { start: begun, end, stop: found.outcome.stop, evaluations });
+        let (stop, evaluations) = (found.outcome.stop, found.evaluations);
+        row.descent = Some(Descent { start: begun, end, stop, evaluations });
         row.expect(found.outcome.pose.is_finite(), || "the pose found is no number".into());
         row.expect(end <= begun + ROUNDING, || {
             format!("the search went from {begun:.4e} up to {end:.4e}")
@@ -74,8 +81,26 @@ impl Sought<'_> {
         Ok((found, row))
     }
 
+    /// By the engine.
+    fn tracked(&self, objective: Objective, refine: RefineOptions) -> anyhow::Result<Found> {
+        let mut tracker = Tracker::new(objective, refine, 1e-3, COMPACT);
+        let found = tracker.track(self.frame, &self.start.into())?;
+        let found = found.context("a start was given")?;
+        let (outcome, observability) = (found.outcome, found.observability);
+        Ok(Found { outcome, observability, evaluations: tracker.trace().len() })
+    }
+
+    /// By one of the paper's methods.
+    fn descended(&self, mut objective: Objective, optimizer: Optimizer) -> anyhow::Result<Found> {
+        objective.set_frame(self.frame);
+        let options = DescentOptions { optimizer, ..DescentOptions::default() };
+        let outcome = minimise(&mut objective, &self.start, &options)?;
+        let (observability, evaluations) = (*objective.observability(), objective.trace().len());
+        Ok(Found { outcome, observability, evaluations })
+    }
+
     /// How far the camera went from the start, the prior's unit.
-    pub fn moved(&self, found: &PoseEstimate) -> f64 {
+    pub fn moved(&self, found: &Found) -> f64 {
         (found.outcome.pose.centre() - self.start.centre()).length()
     }
 }
@@ -84,7 +109,7 @@ impl Sought<'_> {
 const ROUNDING: f64 = 2.0 / (12.0 * 255.0 * 255.0);
 
 /// Condition, deviations and open directions, in words.
-fn spectrum(found: &PoseEstimate) -> String {
+fn spectrum(found: &Found) -> String {
     let o = &found.observability;
     let open = o.undetermined().count();
     format!(

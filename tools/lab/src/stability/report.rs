@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context as _;
 
 use super::case::{Bench, Row, Section, Table};
-use crate::report;
+use nvsprior_inputs::report;
 
 const HEADER: [&str; 11] = [
     "case",
@@ -25,7 +25,7 @@ const HEADER: [&str; 11] = [
 /// Words of the introduction.
 const ABOUT: &str = "\
 Extreme priors, pictures and numbers, each run on the device and by the f64 twin on the CPU, and compared
-with what is expected. Made by `nvsprior stability --report DIR`.
+with what is expected. Made by `nvsprior-lab stability --report DIR`.
 
 - *Path*: how it was run. `flow` and `exact` are the two pose Jacobians; depths are sorted exactly, except
   in `coarse`: there depths within a part in 8,000 count as equal in evaluations (as in encoders). `twin` is

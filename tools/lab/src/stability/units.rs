@@ -1,8 +1,8 @@
 //! The prior's unit and origin: metres, millimetres, kilometres; a million units away.
 
 use nvsprior::prior::Splats;
-use nvsprior::tracking::Optimizer;
 use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions};
+use nvsprior_paper::Optimizer;
 
 use super::case::{Bench, Case, Group, Row};
 use super::refined::{OPTIMIZERS, Sought, picture};

@@ -32,7 +32,7 @@ fn of(latent: Latent, residual: Residual) -> Vec<u8> {
 
 /// A packet with so many bytes of residual; `None`: it has none.
 fn packet(payload: Option<usize>) -> Vec<u8> {
-    let mut sent = SentPoses::new();
+    let mut sent = SentPoses::default();
     HELD.for_each(|frame| sent.add(&stated(frame), &SESSION).unwrap());
     HELD.for_each(|frame| sent.acknowledge(frame, true));
     let latent = sent.predicted(&stated(FRAME), &SESSION).unwrap();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
 use nvsprior::{Engine, Prior};
-use nvsprior_lab::report::write_json;
+use nvsprior_inputs::report::write_json;
 use nvsprior_train::parts::Parts;
 use serde_json::{Value, json};
 

@@ -64,7 +64,7 @@ fn a_modem_on_a_serial_line_is_spoken_to_and_waited_for() {
     };
     let [first, second] = [0, 1].map(frames);
     let mut modem = Modem::plug_in(&dive);
-    let console = Console::start(&dive, "--serial tty --baud 19200");
+    let console = Console::start(&dive, "--serial tty,19200");
     for frame in &first {
         modem.0.write_all(&[7, 200, 0, 0, 3, 0]).unwrap();
         modem.send(frame);

@@ -3,8 +3,8 @@
 use anyhow::Context as _;
 use nvsprior::image::psnr_of_mse;
 use nvsprior::render::{Plan, Renderer};
-use nvsprior::residual::{ResidualCoder, ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Picture, Pose, Rate};
+use nvsprior_paper::WebpEncoder;
 
 use super::super::context::{Context, Shot};
 
@@ -37,7 +37,7 @@ pub struct Judge {
 struct Tools {
     camera: Camera,
     renderer: Renderer,
-    residual: ResidualEncoder,
+    webp: WebpEncoder,
     render: Picture,
 }
 
@@ -49,12 +49,12 @@ impl Judge {
         pose: &Pose,
     ) -> anyhow::Result<Verdict> {
         let Shot { file, camera, picture, .. } = &context.shots[shot];
-        let Tools { renderer, residual, render, .. } = self.tools(context, camera)?;
+        let Tools { renderer, webp, render, .. } = self.tools(context, camera)?;
         renderer.picture(pose, render)?;
         let energy = render.mse(picture);
-        let coded = residual.encode(picture, render, QUALITY, 0);
+        let coded = webp.encode(picture, render, QUALITY, 0);
         let coded = coded.with_context(|| format!("coding the difference from {file}"))?;
-        Ok(Verdict { energy, bytes: coded.residual.payload().len() })
+        Ok(Verdict { energy, bytes: coded.payload.map_or(0, |payload| payload.bytes.len()) })
     }
 
     fn tools(&mut self, context: &Context, camera: &Camera) -> anyhow::Result<&mut Tools> {
@@ -63,11 +63,7 @@ impl Judge {
             _ => Tools {
                 camera: *camera,
                 renderer: context.engine.renderer(&context.scene, camera, Plan::picture())?,
-                residual: ResidualEncoder::new(&ResidualSetup::new(
-                    camera.width,
-                    camera.height,
-                    ResidualCoder::Webp,
-                )),
+                webp: WebpEncoder::new(camera.width, camera.height),
                 render: Picture::new(camera.width, camera.height),
             },
         };

@@ -1,9 +1,10 @@
 //! The methods that are compared. Each is a search from one start, as if nothing were known before.
 
-use nvsprior::tracking::Optimizer;
 use nvsprior::{Encoder, EncoderOptions, Pose};
+use nvsprior_paper::Optimizer;
 
 use super::super::context::{Context, Sample};
+use super::super::searcher::Searcher;
 use super::matching::Matching;
 
 /// A loss with an optimiser.
@@ -90,29 +91,25 @@ impl Attempt {
 
 /// One of each kind of search.
 pub struct Searches {
-    bfgs: Encoder,
+    bfgs: nvsprior_paper::Encoder,
     gauss_newton: Encoder,
-    adam: Encoder,
+    adam: nvsprior_paper::Encoder,
     matching: Matching,
 }
 
 impl Searches {
     pub fn new(context: &Context) -> anyhow::Result<Searches> {
-        let encoder = |optimizer| {
-            let mut options = EncoderOptions { rate: None, ..context.options() };
-            options.refine.optimizer = optimizer;
-            context.encoder(options)
-        };
+        let options = EncoderOptions { rate: None, ..context.options() };
         Ok(Searches {
-            bfgs: encoder(Optimizer::Bfgs)?,
-            gauss_newton: encoder(Optimizer::GaussNewton)?,
-            adam: encoder(Optimizer::Adam)?,
+            bfgs: context.papers(Optimizer::Bfgs)?,
+            gauss_newton: context.encoder(options)?,
+            adam: context.papers(Optimizer::Adam)?,
             matching: Matching::new(),
         })
     }
 
     /// The encoder for a method; that of BFGS if the method has none of its own.
-    pub fn encoder(&mut self, method: Method) -> &mut Encoder {
+    pub fn encoder(&mut self, method: Method) -> &mut dyn Searcher {
         match method {
             Method::GAUSS_NEWTON => &mut self.gauss_newton,
             Method::ADAM => &mut self.adam,

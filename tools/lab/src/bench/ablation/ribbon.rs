@@ -6,10 +6,10 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
-use super::super::statistics::Quartiles;
 use super::method::Method;
 use super::perturbation::{BINS, Kind};
 use super::{Ablation, Judged};
+use nvsprior_inputs::statistics::Quartiles;
 
 const SIZE: (u32, u32) = (1440, 700);
 /// Height of the caption and the legend.

@@ -50,7 +50,7 @@ impl Estimator {
     /// Of a context's prior and first camera. Renders all key frames.
     fn new(context: &Context) -> anyhow::Result<Estimator> {
         let EncoderOptions { factors, refine, .. } = context.options();
-        let plan = Plan { factors, search: Some(refine.jacobian()), ..Plan::picture() };
+        let plan = Plan { factors, search: Some(refine.jacobian), ..Plan::picture() };
         let renderer = context.engine.renderer(&context.scene, &context.shots[0].camera, plan)?;
         let mut objective = Objective::new(renderer);
         let key_frames = context.prior.key_frames().poses();

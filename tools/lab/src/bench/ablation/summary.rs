@@ -7,12 +7,12 @@ use serde::Serialize;
 use super::super::context::Context;
 use super::super::perturbed::SHORT;
 use super::super::report::{About, BestPsnr};
-use super::super::statistics::{Quartiles, median};
 use super::method::Method;
 use super::perturbation::{BINS, Kind, Limits};
 use super::start::{METHODS, StartSource};
 use super::{Ablation, Judged};
-use crate::report::{Table, fixed, write_json};
+use nvsprior_inputs::report::{Table, fixed, write_json};
+use nvsprior_inputs::statistics::{Quartiles, median};
 
 /// How far a render is below that of the best known pose, dB.
 pub fn short(context: &Context, outcome: &Judged) -> f64 {

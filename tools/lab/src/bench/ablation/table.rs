@@ -5,7 +5,7 @@ use std::path::Path;
 use super::super::context::Context;
 use super::start::StartTrial;
 use super::{Judged, Perturbation, Trial, summary};
-use crate::report::{Column, Table, fixed};
+use nvsprior_inputs::report::{Column, Table, fixed};
 
 /// Writes the trials, a row each.
 pub fn trials(path: &Path, context: &Context, trials: &[Trial]) -> anyhow::Result<()> {

@@ -2,7 +2,7 @@
 
 use super::point::{Input, Mode, Point, value_at};
 use super::rates::Curve;
-use crate::report::{Table, fixed_or_empty};
+use nvsprior_inputs::report::{Table, fixed_or_empty};
 
 /// Bytes per frame at which coders are compared.
 const BYTES: [f64; 3] = [100.0, 300.0, 1000.0];

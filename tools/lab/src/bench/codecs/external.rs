@@ -7,7 +7,7 @@ use nvsprior::Picture;
 use nvsprior_inputs::frame_file;
 
 use super::{CodedRun, Input, Mode, Point, Run, timed};
-use crate::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV, run_program};
+use nvsprior_inputs::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV, run_program};
 
 /// A coder, by its programs.
 pub struct External {

@@ -5,12 +5,11 @@ use std::sync::Arc;
 
 use nvsprior::coder_tables::Tables;
 use nvsprior::packet::residual_part_len;
-use nvsprior::residual::{
-    CodedResidual, Rate, ResidualCoder, ResidualEncoder, ResidualSetup, Tune,
-};
+use nvsprior::residual::{Rate, ResidualEncoder, ResidualSetup, Tune};
 
 use super::run::Run;
-use crate::report::{Table, fixed};
+use nvsprior_inputs::report::{Table, fixed};
+use nvsprior_paper::WebpEncoder;
 
 /// WebP's qualities. Each gives a frame's bytes, with which the wavelet coder must do.
 pub const QUALITIES: [f32; 9] = [0.0, 2.0, 6.0, 15.0, 25.0, 35.0, 50.0, 65.0, 85.0];
@@ -30,12 +29,6 @@ struct Coded {
     psnr: f64,
 }
 
-impl Coded {
-    fn of(coded: &CodedResidual) -> Coded {
-        Coded { bytes: coded.residual.payload().len(), psnr: coded.psnr }
-    }
-}
-
 impl Row {
     /// How much better the wavelet coder's picture is, dB.
     fn gain(&self) -> f64 {
@@ -52,25 +45,18 @@ pub fn measure<'a>(
     done: impl Fn(),
 ) -> anyhow::Result<Vec<Row>> {
     let (width, height) = (run.frames[0].width, run.frames[0].height);
-    let encoder = |coder| {
-        let tables = tables.clone();
-        ResidualEncoder::new(&ResidualSetup {
-            width,
-            height,
-            coder,
-            tune: Tune::Psnr,
-            tables,
-            portable,
-        })
-    };
-    let mut webp = encoder(ResidualCoder::Webp);
-    let mut wavelet = encoder(ResidualCoder::Wavelet);
+    let tables = tables.clone();
+    let setup = ResidualSetup { width, height, tune: Tune::Psnr, tables, portable };
+    let (mut webp, mut wavelet) = (WebpEncoder::new(width, height), ResidualEncoder::new(&setup));
     let mut rows = Vec::new();
     for ((frame, render), name) in run.frames.iter().zip(&run.renders).zip(names) {
         for quality in QUALITIES {
-            let webp = Coded::of(&webp.encode(frame, render, Rate::Quality(quality), 0)?);
-            let budget = Rate::Bytes(residual_part_len(webp.bytes));
-            let wavelet = Coded::of(&wavelet.encode(frame, render, budget, 0)?);
+            let coded = webp.encode(frame, render, Rate::Quality(quality), 0)?;
+            let bytes = coded.payload.map_or(0, |payload| payload.bytes.len());
+            let webp = Coded { bytes, psnr: coded.psnr };
+            let budget = Rate::Bytes(residual_part_len(bytes));
+            let coded = wavelet.encode(frame, render, budget, 0)?;
+            let wavelet = Coded { bytes: coded.residual.payload().len(), psnr: coded.psnr };
             anyhow::ensure!(wavelet.bytes <= webp.bytes, "{name}: more bytes than the budget");
             rows.push(Row { frame: name.into(), quality, webp, wavelet });
         }

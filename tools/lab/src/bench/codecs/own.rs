@@ -5,15 +5,22 @@ use std::sync::Arc;
 use nvsprior::coder_tables::Tables;
 use nvsprior::render::Scene;
 use nvsprior::render::filter::FilterPlan;
-use nvsprior::residual::{
-    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
-};
+use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune, add};
+
+use nvsprior::Picture;
+use nvsprior_paper::{Webp, WebpEncoder};
 
 use super::{CodedRun, Input, Mode, Point, Run, timed};
 
+#[derive(Clone, Copy)]
+enum Coder {
+    Wavelet,
+    Webp,
+}
+
 pub struct Own {
     name: &'static str,
-    coder: ResidualCoder,
+    coder: Coder,
     tune: Tune,
     tables: Arc<Tables>,
     portable: bool,
@@ -32,7 +39,7 @@ impl Own {
                 Tune::Ssim => "wavelet tuned to ssim",
                 Tune::Detection => "wavelet tuned to detection",
             },
-            coder: ResidualCoder::Wavelet,
+            coder: Coder::Wavelet,
             tune,
             tables: scene.coder_tables().clone(),
             portable,
@@ -55,7 +62,7 @@ impl Own {
     pub fn webp(name: &'static str) -> Own {
         Own {
             name,
-            coder: ResidualCoder::Webp,
+            coder: Coder::Webp,
             tune: Tune::Psnr,
             tables: Arc::new(Tables::generic()),
             portable: true,
@@ -84,10 +91,43 @@ impl Own {
     }
 
     pub fn code(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<CodedRun> {
-        let Own { coder, tune, portable, .. } = *self;
+        match self.coder {
+            Coder::Wavelet => self.code_by_wavelets(run, input, rate),
+            Coder::Webp => self.code_by_webp(run, input, rate),
+        }
+    }
+
+    fn code_by_webp(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<CodedRun> {
+        let (width, height) = (run.frames[0].width, run.frames[0].height);
+        let (mut encoder, mut decoder) =
+            (WebpEncoder::new(width, height), Webp::new(width, height));
+        let mut difference = Picture::new(width, height);
+        let mut outcome = CodedRun::new(setting(rate));
+        for (frame, base) in run.frames.iter().zip(run.bases(input)) {
+            let (coded, ms) = timed(|| Ok(encoder.encode(frame, base, rate, 0)?))?;
+            outcome.encode_ms += ms;
+            let mut shown = base.clone();
+            if let Some(payload) = coded.payload {
+                outcome.bytes += payload.bytes.len();
+                let mut decode = || {
+                    decoder.decode(payload, &mut difference)?;
+                    add(&difference.data, &mut shown.data);
+                    Ok(())
+                };
+                outcome.decode_ms += timed(&mut decode)?.1;
+            }
+            let name = self.name;
+            anyhow::ensure!(shown == *coded.reconstruction, "{name}: decoded to another picture");
+            outcome.shown.push(shown);
+        }
+        Ok(outcome)
+    }
+
+    fn code_by_wavelets(&self, run: &Run, input: Input, rate: Rate) -> anyhow::Result<CodedRun> {
+        let Own { tune, portable, .. } = *self;
         let (width, height) = (run.frames[0].width, run.frames[0].height);
         let tables = self.tables.clone();
-        let setup = ResidualSetup { width, height, coder, tune, tables, portable };
+        let setup = ResidualSetup { width, height, tune, tables, portable };
         let mut encoder = ResidualEncoder::new(&setup);
         let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
         let filter = self.filter.as_ref().map(|parts| parts.filter(width, height));

@@ -9,7 +9,7 @@ use super::point::{Mode, Point};
 use super::rates::{Best, Curve, LEVELS, Row, best_others, rows};
 use super::run::Run;
 use crate::bench::plot;
-use crate::report::{Table, fixed, fixed_or_empty, write_json};
+use nvsprior_inputs::report::{Table, fixed, fixed_or_empty, write_json};
 
 /// A coder without points, and why it has none.
 #[derive(Serialize)]

@@ -5,15 +5,13 @@ use std::path::Path;
 use nvsprior::Pose;
 use nvsprior::render::filter::FilterPlan;
 use nvsprior::residual::wavelet::Step;
-use nvsprior::residual::{
-    Rate, ResidualCoder, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune,
-};
+use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune};
 
 use super::super::context::Context;
-use super::super::statistics::{Spread, median};
 use super::run::Run;
 use super::timed;
-use crate::report::{Table, fixed};
+use nvsprior_inputs::report::{Table, fixed};
+use nvsprior_inputs::statistics::{Spread, median};
 
 /// What is measured: a quality is one coding, a budget and a PSNR are searches.
 pub const RATES: [(&str, Rate); 10] = [
@@ -68,8 +66,7 @@ pub fn measure(
     let (width, height) = (run.frames[0].width, run.frames[0].height);
     let (tables, portable) =
         (context.scene.coder_tables().clone(), context.engine.device().portable);
-    let coder = ResidualCoder::Wavelet;
-    let setup = ResidualSetup { width, height, coder, tune: Tune::Psnr, tables, portable };
+    let setup = ResidualSetup { width, height, tune: Tune::Psnr, tables, portable };
     let mut encoder = ResidualEncoder::new(&setup);
     let mut decoder = ResidualDecoder::new(width, height, &setup.tables);
     let plan = FilterPlan::new(context.engine.vulkan(), &context.scene)?;

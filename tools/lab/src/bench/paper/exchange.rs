@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::Set;
 use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
-use crate::report::write_json;
+use nvsprior_inputs::report::write_json;
 
 pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow::Result<()> {
     let kinds = ["frames", "renders", "differences"].map(|kind| folder.join(kind));

@@ -12,7 +12,7 @@ use super::{Rows, Set, equal, picture};
 use crate::bench::codecs::run::Run;
 use crate::bench::perturbed::SHORT;
 use crate::bench::plot;
-use crate::report::{self, fixed, write_json};
+use nvsprior_inputs::report::{self, fixed, write_json};
 
 pub fn print(rows: &Rows) {
     println!("means per frame; bytes are all that is sent, pose and header included");

@@ -1,7 +1,7 @@
-//! What `nvsprior bench --poses` prints.
+//! What `nvsprior-lab poses` prints.
 
 use super::{Axis, Summary};
-use crate::report::{Table, fixed};
+use nvsprior_inputs::report::{Table, fixed};
 
 pub fn print(runs: &[Summary]) {
     for run in runs {

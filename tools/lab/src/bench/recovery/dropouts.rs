@@ -3,11 +3,11 @@
 use nvsprior::{FrameInfo, Hint, Picture};
 
 use super::super::context::{Best, Context, Shot};
-use super::super::statistics::median;
 use super::Measurement;
 use super::pixels;
 use super::probe::{Phase, Probe, Run, Target};
 use nvsprior_inputs::args::progress;
+use nvsprior_inputs::statistics::median;
 
 /// Frames before the dropout.
 const GOOD: usize = 4;

@@ -1,11 +1,11 @@
 //! The columns as text.
 
 use super::super::context::Context;
-use super::super::statistics::{Spread, median};
 use super::dropouts::CLEAR;
 use super::summary::{Column, DropoutFigures, EARLY, Early};
 use super::{Measurement, TRIES};
-use crate::report::{self, Table, fixed};
+use nvsprior_inputs::report::{self, Table, fixed};
+use nvsprior_inputs::statistics::{Spread, median};
 
 pub fn print(context: &Context, columns: &[Column]) {
     let (shots, prior) = (context.shots.len(), &context.prior);

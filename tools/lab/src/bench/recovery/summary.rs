@@ -8,11 +8,11 @@ use serde::Serialize;
 use super::super::context::Context;
 use super::super::perturbed::SHORT;
 use super::super::report::{About, BestPsnr};
-use super::super::statistics::Spread;
 use super::dropouts::CLEAR;
 use super::probe::{Answer, Frame, Phase, Run};
 use super::{Measurement, TRIES, WRONG};
-use crate::report::write_json;
+use nvsprior_inputs::report::write_json;
+use nvsprior_inputs::statistics::Spread;
 
 /// Trials whose outcome is listed one by one.
 pub const EARLY: usize = 8;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::probe::{Answer, Frame, Run};
-use crate::report::{Table, fixed, fixed_or_empty};
+use nvsprior_inputs::report::{Table, fixed, fixed_or_empty};
 
 /// Writes a row per frame; what there is not stays empty.
 pub fn write(path: &Path, runs: &[Run]) -> anyhow::Result<()> {

@@ -11,10 +11,10 @@ use nvsprior::{Encoder, Engine, Prior, RenderOverrides};
 use nvsprior_inputs::args::progress;
 use serde_json::{Value, json};
 
-use super::super::statistics::median;
 use super::measured::{frame, options};
 use super::residency;
 use super::tiled::{CAMERA, STEP, pose};
+use nvsprior_inputs::statistics::median;
 
 /// Frames of a copy.
 const FRAMES: usize = 20;

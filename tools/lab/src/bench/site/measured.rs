@@ -11,9 +11,9 @@ use serde_json::{Value, json};
 
 use super::super::context::host_bytes;
 use super::super::perturbed::even;
-use super::super::statistics::median;
 use super::residency;
 use super::tiled::{CAMERA, STEP, pose};
+use nvsprior_inputs::statistics::median;
 
 /// Frames that are measured, after those that do not count.
 const FRAMES: usize = 40;

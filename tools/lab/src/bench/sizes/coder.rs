@@ -5,7 +5,7 @@ use nvsprior::packet::Residual;
 use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualSetup};
 use serde::Serialize;
 
-use crate::report::{Table, fixed, fixed_or_empty};
+use nvsprior_inputs::report::{Table, fixed, fixed_or_empty};
 
 /// What is measured: a budget of bytes is a search, a quality is one coding.
 const RATES: [(&str, Rate); 4] = [

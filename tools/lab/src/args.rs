@@ -1,0 +1,53 @@
+//! Arguments that several measurements share.
+
+use clap::ValueEnum;
+use nvsprior_inputs::args::numbers;
+use nvsprior_paper::Optimizer;
+
+/// The optimisers by their names.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum OptimizerArg {
+    GaussNewton,
+    Bfgs,
+    Adam,
+    AdamBfgs,
+}
+
+impl From<OptimizerArg> for Optimizer {
+    fn from(arg: OptimizerArg) -> Optimizer {
+        match arg {
+            OptimizerArg::GaussNewton => Optimizer::GaussNewton,
+            OptimizerArg::Bfgs => Optimizer::Bfgs,
+            OptimizerArg::Adam => Optimizer::Adam,
+            OptimizerArg::AdamBfgs => Optimizer::AdamBfgs,
+        }
+    }
+}
+
+/// A pose step as τ = (ρx, ρy, ρz, θx, θy, θz), angles in degrees on the command line.
+#[derive(Clone, Copy)]
+pub struct StepArg(pub [f64; 6]);
+
+impl std::str::FromStr for StepArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<StepArg, String> {
+        let values = numbers::<6>(text)?;
+        Ok(StepArg(std::array::from_fn(|i| if i < 3 { values[i] } else { values[i].to_radians() })))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_six_finite_numbers() {
+        let step: StepArg = "0.08,-0.06,0.1,2,-2.5,180".parse().unwrap();
+        assert_eq!(step.0[1], -0.06);
+        assert_eq!(step.0[5], std::f64::consts::PI);
+        assert!("1,2,3".parse::<StepArg>().is_err());
+        assert!("1,2,3,4,5,nan".parse::<StepArg>().is_err());
+        assert!("1,2,3,4,5,x".parse::<StepArg>().is_err());
+    }
+}

@@ -1,0 +1,120 @@
+//! `nvsprior-lab paper encode`.
+
+use std::path::PathBuf;
+
+use anyhow::Context as _;
+use clap::ValueEnum;
+use nvsprior::Rate;
+use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::input::InputArgs;
+use nvsprior_inputs::summary::{self, Row};
+use nvsprior_inputs::values;
+use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions};
+
+use super::ENDING;
+use crate::args::OptimizerArg;
+use crate::bench::StartArgs;
+
+/// Encode the frames of a camera file as the paper does
+///
+/// A gradient method searches for each pose, and WebP codes the difference picture.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    prior: PriorArgs,
+    #[command(flatten)]
+    input: InputArgs,
+    #[command(flatten)]
+    start: StartArgs,
+    #[arg(long, value_enum, default_value = "bfgs")]
+    optimizer: OptimizerArg,
+    /// See `nvsprior encode`
+    #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
+    threshold: f64,
+    /// Coder of the difference picture
+    #[arg(long, value_enum, default_value = "webp")]
+    residual: ResidualArg,
+    /// Quality of the difference picture, 0 to 100 [default: 10]
+    #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
+    quality: Option<f32>,
+    /// Bytes of the whole packet, never exceeded
+    #[arg(long, value_name = "N", group = "rate")]
+    bytes: Option<usize>,
+    /// PSNR to reach at the least bytes, dB
+    #[arg(long, value_name = "DB", group = "rate", value_parser = values::psnr, allow_hyphen_values = true)]
+    psnr: Option<f64>,
+    /// Folder for the packets, NAME.paper; made if it is missing
+    #[arg(long, value_name = "DIR")]
+    packets: PathBuf,
+    /// Summary to write (JSON), as `nvsprior encode` writes it
+    #[arg(long, value_name = "FILE", value_parser = values::json)]
+    summary: Option<PathBuf>,
+    /// Folder for the reconstructed pictures (PNG)
+    #[arg(long, alias = "frames-out", value_name = "DIR")]
+    pictures: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum ResidualArg {
+    Webp,
+    None,
+}
+
+impl Args {
+    fn options(&self) -> EncoderOptions {
+        let rate = match (self.bytes, self.psnr) {
+            (Some(bytes), _) => Rate::Bytes(bytes),
+            (_, Some(psnr)) => Rate::Psnr(psnr),
+            _ => Rate::Quality(self.quality.unwrap_or(10.0)),
+        };
+        EncoderOptions {
+            descent: DescentOptions {
+                optimizer: self.optimizer.into(),
+                ..DescentOptions::default()
+            },
+            threshold: self.threshold,
+            rate: (self.residual == ResidualArg::Webp).then_some(rate),
+            frames_treated: false,
+        }
+    }
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let mut frames = args.input.frames()?;
+    args.start.move_first(&mut frames);
+    values::make_folder("--packets", &args.packets)?;
+    if let Some(folder) = &args.pictures {
+        values::make_folder("--pictures", folder)?;
+    }
+    if let Some(file) = &args.summary {
+        values::check_file("--summary", file)?;
+    }
+    let engine = args.device.open()?;
+    let scene = args.prior.upload(&engine)?;
+    let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, args.options())?;
+    let bar = progress(frames.len(), "encoding");
+    let mut rows = Vec::new();
+    for input in frames {
+        let encoding = || format!("encoding {}", input.path.display());
+        encoder.set_camera(&input.camera).with_context(encoding)?;
+        let encoded = encoder.encode(&input.read()?, input.external).with_context(encoding)?;
+        let packet = args.packets.join(&input.name).with_added_extension(ENDING);
+        std::fs::write(&packet, &encoded.packet)
+            .with_context(|| format!("writing {}", packet.display()))?;
+        if let Some(folder) = &args.pictures {
+            let path = folder.join(&input.name).with_added_extension("png");
+            nvsprior_runs::write_png(&path, &encoded.picture)?;
+        }
+        let time = input.external.time;
+        rows.push(Row { file: input.file, time, pose: encoded.pose, stats: encoded.stats });
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    summary::print(&rows);
+    if let Some(path) = &args.summary {
+        summary::write(path, &rows)?;
+    }
+    args.device.check(&engine)
+}
