@@ -210,6 +210,7 @@ lint:
 	python3 scripts/licences.py check
 	cargo fmt --all --check
 	cargo clippy $(ALL) --all-targets -- -D warnings
+	cargo clippy -p nvsprior --no-default-features --example topside -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --package nvsprior --package nvsprior-kernels \
 		--package nvsprior-link --package nvsprior-formats --package nvsprior-capi
 
@@ -244,6 +245,8 @@ package-test:
 firmware:
 	@scripts/setup.sh lib c glibc
 	GLIBC=$(GLIBC) KEEP=target/nvsprior-firmware-$(shell uname -m) scripts/package-test.sh firmware
+	cargo build --profile firmware -p nvsprior --no-default-features --example topside
+	@echo "  a topside that only decodes: $$(wc -c < target/firmware/examples/topside) bytes"
 
 cross-aarch64:
 	@scripts/setup.sh lib c cross glibc

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Writes include/nvsprior.h and include/nvsprior_extra.h as crates/capi/src has them. Usage: header.py [FOLDER]
 
-cbindgen translates all of crates/capi/src at once. This script puts its output in order: into the templates crates/capi/src/*.h.in
-go first the functions that the template's own list names, then all others by subject. Before a function stand the types
-that it takes, and before a type the constants that stand above it in the source.
+cbindgen translates all of crates/capi/src at once. This script puts its output in order: into the templates
+crates/capi/src/*.h.in go first the functions that the template's own list names, then all others by subject. Before a
+function stand the types that it takes, and before a type the constants that stand above it in the source.
 """
 
 import itertools

@@ -10,7 +10,8 @@ rm -rf "$target" "${CARGO_HOME:-$HOME/.cargo}"/registry/src/*/nvsprior-*
 
 # Cargo builds them from what it packed: the library takes the kernels of the packed file, not of the tree. Not
 # optimised, since this only tests whether they build.
-CARGO_TARGET_DIR=$target cargo package --allow-dirty -p nvsprior-kernels -p nvsprior -p nvsprior-formats -p nvsprior-link \
+CARGO_TARGET_DIR=$target cargo package --allow-dirty \
+    -p nvsprior-kernels -p nvsprior -p nvsprior-formats -p nvsprior-link \
     --config 'profile.dev.opt-level=0' --config 'profile.dev.package."*".opt-level=0'
 
 # Nothing of the tools comes with the library.

@@ -9,4 +9,5 @@ if [ -z "$tag" ]; then
     exit 0
 fi
 scripts/setup.sh semver
-exec cargo semver-checks --package nvsprior --package nvsprior-kernels --package nvsprior-formats --package nvsprior-link --baseline-rev "$tag"
+exec cargo semver-checks --baseline-rev "$tag" \
+    --package nvsprior --package nvsprior-kernels --package nvsprior-formats --package nvsprior-link

@@ -1,7 +1,7 @@
 //! An encoded frame, and what it took.
 
-use crate::packet::{KnownPose, LONGEST_HEAD, Reference, residual_part_len};
-use crate::residual::max_payload_len;
+use crate::packet::KnownPose;
+use crate::residual::packet_bound;
 use crate::tracking::{Covariance, Observability, StartKind, Stop, deviations};
 use crate::{Picture, Pose};
 
@@ -101,11 +101,4 @@ impl Encoded {
             ..Encoded::default()
         }
     }
-}
-
-/// The largest packet about a picture of this size, with all its parts, bytes.
-pub fn packet_bound(width: u32, height: u32) -> usize {
-    // A truth map takes 8 % of a packet at most.
-    let residual = residual_part_len(Reference::LEN + max_payload_len(width, height));
-    LONGEST_HEAD + residual + residual / 8
 }

@@ -28,9 +28,9 @@ use measured::Coding;
 pub struct EncoderOptions {
     /// How to refine poses.
     pub refine: RefineOptions,
-    /// Mean squared error, values in [0, 1] (paper: 1e-3 in a basin, 1e-2 on real footage). The search compares
-    /// the pictures to tell whether a pose is right. If the prior shows too little for that, it keeps a pose whose error
-    /// is below this, and does not search afresh.
+    /// Mean squared error, values in [0, 1] (1e-2 suits real footage). The search compares the pictures to tell whether
+    /// a pose is right. If the prior shows too little for that, it keeps a pose whose error is below this, and does not
+    /// search afresh.
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,
@@ -56,7 +56,8 @@ pub struct EncoderOptions {
     pub truth: bool,
     /// Most time that a frame takes, from [`Encoder::encode`] to its packet; `None`: as long as its search takes. Once
     /// it is up, the best pose so far is drawn, coded and sent. The search goes on in the next frames. What one render
-    /// and one coding take is measured when the encoder is made, which also has the driver compile. With it the same frames need not give the same packets; any of them decodes to the same picture anywhere.
+    /// and one coding take is measured when the encoder is made, which also has the driver compile.
+    /// With it the same frames need not give the same packets; any of them decodes to the same picture anywhere.
     pub frame_time: Option<Duration>,
     /// The clock that [`frame_time`](EncoderOptions::frame_time) goes by: the system's, or one of a test.
     pub clock: Clock,

@@ -25,6 +25,8 @@
 //! The rooms from low to high, each of which knows only those before it: `docs/architecture.md`.
 
 #![deny(unsafe_code)]
+// Of the coders' parts a decoder calls some.
+#![cfg_attr(not(feature = "encode"), allow(dead_code, unused_imports))]
 
 pub mod coder_tables;
 pub mod filter_weights;
@@ -35,6 +37,7 @@ pub mod prior;
 pub mod random;
 pub mod render;
 pub mod residual;
+#[cfg(feature = "encode")]
 pub mod tracking;
 pub mod truth;
 #[allow(unsafe_code)]
@@ -44,14 +47,19 @@ pub mod vulkan;
 mod adaptive_numbers;
 mod decoder;
 mod doubt_view;
+#[cfg(feature = "encode")]
 mod encoded;
+#[cfg(feature = "encode")]
 mod encoder;
 mod engine;
 mod error;
 mod error_kind;
+#[cfg(feature = "encode")]
 mod frame_time;
+#[cfg(feature = "encode")]
 #[allow(missing_docs)] // Of the crates of this repository.
 mod frame_work;
+#[cfg(feature = "encode")]
 mod pipeline;
 #[allow(missing_docs)] // As above.
 mod queue;
@@ -60,6 +68,7 @@ mod range_coder;
 /// What the other crates of this repository take apart. No promise.
 #[doc(hidden)]
 pub mod parts {
+    #[cfg(feature = "encode")]
     pub use crate::frame_work::{Coder, FrameWork};
     pub use crate::prior::ply_header::{Comments, check_length, read_header, rest_properties};
     pub use crate::queue::{Body, Interrupt, Lost, Queue, Spawn, Worker};
@@ -82,7 +91,9 @@ use nvsprior_kernels::{block_table, filter, portable, search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};
 pub use doubt_view::{DoubtLevel, DoubtMap, DoubtView};
-pub use encoded::{Encoded, FrameStats, packet_bound};
+#[cfg(feature = "encode")]
+pub use encoded::{Encoded, FrameStats};
+#[cfg(feature = "encode")]
 pub use encoder::{Encoder, EncoderOptions, RenderChecks};
 pub use engine::Engine;
 pub use error::Error;
@@ -90,8 +101,10 @@ pub use error_kind::ErrorKind;
 pub use geometry::{Camera, Pose};
 pub use image::Picture;
 pub use packet::Packet;
+#[cfg(feature = "encode")]
 pub use pipeline::Pipeline;
 pub use prior::{Prior, PriorId, RenderOptions, RenderOverrides};
 pub use queue::QueueError;
-pub use residual::{Mode, Rate, Structure};
+pub use residual::{Mode, Rate, Structure, packet_bound};
+#[cfg(feature = "encode")]
 pub use tracking::{FrameInfo, Hint};

@@ -114,8 +114,8 @@ impl PyEncoded {
 ///   `key_every`: an intra frame after so many; 0: none after the first.
 /// - `tune`: what counts most, "psnr", "ssim" or "detection".
 /// - `predict_poses`: poses are predicted from those that the topside acknowledges.
-/// - `threshold`: mean squared error, values in [0, 1], below which a pose stays where the prior shows too little to tell
-///   whether it is right.
+/// - `threshold`: mean squared error, values in [0, 1]: a pose whose error is below this stays if the prior shows too
+///   little to tell whether it is right.
 /// - `camera_interval`, `check_interval`: frames after which the camera, and a check of the render, are sent again; 0:
 ///   never. `first_frame`: number of the first frame.
 /// - `truth`: packets have truth maps.

@@ -31,6 +31,7 @@ pub mod pose;
 mod predicted;
 mod render;
 mod residual;
+#[cfg(feature = "encode")]
 mod sent;
 mod session;
 pub(crate) mod truth;
@@ -50,6 +51,7 @@ pub use pose::{PoseProfile, QuantisedPose};
 pub use predicted::Prediction;
 pub use render::RenderCheck;
 pub use residual::{Reference, Residual, ResidualStart, residual_part_len, without_zeros};
+#[cfg(feature = "encode")]
 pub use sent::SentPoses;
 pub use session::Session;
 

@@ -6,6 +6,7 @@
 mod checks;
 mod decoder;
 mod difference;
+#[cfg(feature = "encode")]
 mod encoder;
 mod error;
 mod interest;
@@ -16,8 +17,11 @@ mod tune;
 mod warp;
 pub mod wavelet;
 
+use crate::packet::{LONGEST_HEAD, Reference, residual_part_len};
+
 pub use decoder::ResidualDecoder;
 pub use difference::{add, difference};
+#[cfg(feature = "encode")]
 pub use encoder::{CodedResidual, InStream, ResidualEncoder, ResidualSetup};
 pub use error::ResidualError;
 pub use interest::Interest;
@@ -31,4 +35,11 @@ pub use warp::{Placement, Viewpoint, warp};
 /// (see the tests of `webp`).
 pub fn max_payload_len(width: u32, height: u32) -> usize {
     3 * (width as usize).next_multiple_of(16) * (height as usize).next_multiple_of(16) + 1024
+}
+
+/// The largest packet about a picture of this size, with all its parts, bytes.
+pub fn packet_bound(width: u32, height: u32) -> usize {
+    // A truth map takes 8 % of a packet at most.
+    let residual = residual_part_len(Reference::LEN + max_payload_len(width, height));
+    LONGEST_HEAD + residual + residual / 8
 }

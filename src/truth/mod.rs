@@ -29,6 +29,7 @@
 mod choice;
 mod coding;
 mod decoder;
+#[cfg(feature = "encode")]
 mod encoder;
 mod marks;
 mod overlay;
@@ -37,6 +38,7 @@ mod table;
 pub mod training;
 
 pub use decoder::{Arrived, TruthDecoder};
+#[cfg(feature = "encode")]
 pub(crate) use encoder::{Base, Compared, TruthEncoder};
 
 /// Side of a block, pixels.

@@ -19,8 +19,8 @@ use crate::webp::WebpEncoder;
 pub struct EncoderOptions {
     /// The search.
     pub descent: DescentOptions,
-    /// Mean squared error, values in [0, 1], below which a search starts at the pose of the frame before (paper: 1e-3 in
-    /// a basin, 1e-2 on real footage).
+    /// Mean squared error, values in [0, 1], below which a search starts at the pose of the frame before (paper: 1e-3
+    /// in a basin, 1e-2 on real footage).
     pub threshold: f64,
     /// How fine the difference picture is; `None`: none is sent.
     pub rate: Option<Rate>,

@@ -1,4 +1,5 @@
-//! The paper's system as it stands: its search by BFGS or Adam, its WebP on the difference picture, its pose of 28 bytes.
+//! The paper's system as it stands: its search by BFGS or Adam, its WebP on the difference picture, its pose of 28
+//! bytes.
 //!
 //! It is here to be compared with, not to be used at sea: it follows no lost camera, knows no masks and no streams, and
 //! makes packets of its own, which nothing else reads. The renders, and the error with its derivatives, are the

@@ -10,6 +10,7 @@
 mod adaptive_bit;
 mod bits;
 mod block_cost;
+#[cfg(feature = "encode")]
 mod budget;
 mod choose;
 mod coarser;
@@ -32,6 +33,7 @@ mod pass;
 mod predictor;
 mod prices;
 mod quantised;
+#[cfg(feature = "encode")]
 mod rate;
 mod render;
 mod render_value;
@@ -39,6 +41,7 @@ mod small_blocks;
 mod small_blocks_choice;
 mod step;
 pub(super) mod sub_pixel;
+#[cfg(feature = "encode")]
 pub mod training;
 mod weights;
 
@@ -46,5 +49,6 @@ pub use decoder::{Payload, WaveletDecoder};
 pub use displaced::Earlier;
 pub use encoder::WaveletEncoder;
 pub use geometry::Planes;
+#[cfg(feature = "encode")]
 pub(super) use rate::{FrameKind, RateEncoder};
 pub use step::{STEPS, Step};

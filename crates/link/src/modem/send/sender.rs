@@ -306,7 +306,8 @@ impl Sender {
         Ok(sender)
     }
 
-    /// Bytes for the packet of the frame exposed at `now`, seconds: encode it with [`Rate::Bytes`](nvsprior::Rate::Bytes).
+    /// Bytes for the packet of the frame exposed at `now`, seconds: encode it with
+    /// [`Rate::Bytes`](nvsprior::Rate::Bytes).
     /// `None`: the frame is left out, as the link has no bytes for it. Times must not fall. Without a bit rate it is
     /// the longest packet that can be sent.
     ///
