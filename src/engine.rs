@@ -6,8 +6,6 @@ use crate::prior::analysis::PriorAnalysis;
 use crate::prior::blocked::BlockedPrior;
 use crate::render::arithmetic;
 use crate::render::probe::Probe;
-#[cfg(feature = "training")]
-use crate::render::training::{Trainer, TrainingPlan};
 use crate::render::{
     BlockReader, Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, WindowRoom,
 };
@@ -105,11 +103,10 @@ impl Engine {
         self.upload_analysed(prior, PriorAnalysis::everything(prior))
     }
 
-    /// Makes a trainer of splats.
-    #[cfg(feature = "training")]
-    pub fn trainer(&self, plan: &TrainingPlan) -> Result<Trainer, Error> {
-        let key = PipelineKey { sh_degree: plan.sh_degree, clamped: true };
-        Trainer::new(&self.device, &self.kernels, self.scene_kernels(&key)?, plan)
+    /// The pipelines, those for a kind of prior with them.
+    #[doc(hidden)]
+    pub fn kernels(&self, key: &PipelineKey) -> Result<(Arc<Kernels>, Arc<SceneKernels>), Error> {
+        Ok((self.kernels.clone(), self.scene_kernels(key)?))
     }
 
     /// Makes a renderer of an uploaded prior.

@@ -72,6 +72,14 @@ pub mod parts {
     pub use crate::frame_work::{Coder, FrameWork};
     pub use crate::prior::ply_header::{Comments, check_length, read_header, rest_properties};
     pub use crate::queue::{Body, Interrupt, Lost, Queue, Spawn, Worker};
+    pub use crate::render::binning;
+    pub use crate::render::frame::Bytes;
+    pub use crate::render::kernels::{self, TrainingKernels};
+    pub use crate::render::levels::{LevelBuffers, Pass, posed, prototype};
+    pub use crate::render::radix;
+    pub use crate::render::splat_buffers::{Held, SplatBuffers};
+    pub use crate::render::stages::{CameraPose, Channels, Stages};
+    pub use crate::render::workspace::Workspace;
     pub use crate::search::{PAPER as FREE, PoseCode};
 }
 
@@ -85,8 +93,6 @@ mod common;
 #[path = "../tests/scene/mod.rs"]
 mod scene;
 
-#[cfg(feature = "training")]
-use nvsprior_kernels::training;
 use nvsprior_kernels::{block_table, filter, portable, search, shared};
 
 pub use decoder::{Decoded, Decoder, Trust};

@@ -11,13 +11,13 @@ const TABLE: u32 = 1 << 22;
 /// Most tiles of a picture.
 const TILES: u32 = (Camera::MAX_SIDE / TILE).pow(2);
 /// Most bands of a picture: the number in the widest picture, whose bands have the fewest rows of tiles.
-pub(crate) const BANDS: u32 = TILES / shared::BIN_TABLE;
+pub const BANDS: u32 = TILES / shared::BIN_TABLE;
 
 const _: () = assert!(TABLE >= 4 * TILES, "blocks come by fours");
 const _: () = assert!(shared::BIN_TABLE >= Camera::MAX_SIDE / TILE, "a band has at least one row");
 
 /// How binning is shared among workgroups.
-pub(crate) struct Binning {
+pub struct Binning {
     /// Logarithm, base 2, of their number for each band.
     pub log_blocks: u32,
     /// Counters of each: tiles of a band at most.
@@ -53,13 +53,13 @@ fn band_rows(table: u32, tiles_x: u32, log_blocks: u32) -> u32 {
 }
 
 /// Logarithm, base 2, of the number of blocks for a picture of `tiles` tiles.
-pub(crate) fn log_blocks(most: u32, tiles: u32) -> u32 {
+pub fn log_blocks(most: u32, tiles: u32) -> u32 {
     (TABLE / tiles.max(1)).max(1).ilog2().min(most)
 }
 
 /// Logarithm, base 2, of the most blocks for a picture of `tiles` tiles. Stage `bin_scan` goes through the table in a
 /// loop, and llvmpipe ends loops after 65,535 rounds.
-pub(crate) fn log_most_blocks(tiles: u32) -> u32 {
+pub fn log_most_blocks(tiles: u32) -> u32 {
     (TABLE / 4 / tiles.max(1)).max(4).ilog2().min(14)
 }
 

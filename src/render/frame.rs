@@ -14,20 +14,20 @@ use super::light::{Correction, FlatField};
 /// A pose's code, and the frame that it is relative to. Stage `solve` writes it, stage `project` reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub(crate) struct Coded {
+pub struct Coded {
     pub anchor: Anchor,
     pub code: PoseCode,
 }
 
 /// 8-bit pictures of the size of level 0.
-pub(crate) struct Bytes {
+pub struct Bytes {
     pub render: Buffer,
     pub coded_asked: Buffer,
     pub coded: Buffer,
 }
 
 /// What a search needs beyond a [`LevelBuffers`].
-pub(crate) struct FrameBuffers {
+pub struct FrameBuffers {
     pub bytes: Buffer,
     /// How the frame's light becomes the prior's: see [`FlatField`].
     pub light: Buffer,

@@ -9,7 +9,7 @@ use crate::vulkan::{Code, Device, DeviceInfo, DeviceKind, Error, Kernel};
 /// Logarithm, base 2, of the number of workgroups that share the sort of `splats` splats. A CPU needs a few workgroups
 /// per core, a GPU needs many. But each further one costs a row of counters, and each reads those of all others. An
 /// integrated GPU has few multiprocessors and little bandwidth, so it gets half as many: docs/latency.md.
-pub(crate) fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
+pub fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
     let least = match device.kind {
         DeviceKind::Cpu => 3,
         DeviceKind::IntegratedGpu => 5,
@@ -19,7 +19,7 @@ pub(crate) fn log_sort_blocks(device: &DeviceInfo, splats: u32) -> u32 {
 }
 
 /// The same for binning, whose workgroups have more to do for each splat; at least 2.
-pub(crate) fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
+pub fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
     let least = match device.kind {
         DeviceKind::Cpu => 4,
         DeviceKind::IntegratedGpu => 7,
@@ -29,13 +29,13 @@ pub(crate) fn log_bin_blocks(device: &DeviceInfo, splats: u32) -> u32 {
 }
 
 /// Tiles of a band of tiles at most: counters of a workgroup that bins.
-pub(crate) fn bin_table(device: &DeviceInfo) -> u32 {
+pub fn bin_table(device: &DeviceInfo) -> u32 {
     if device.in_lockstep() { LOCKSTEP_TABLE } else { BIN_TABLE }
 }
 
 /// Rows of tiles of a band at most. The splats of a block may touch many tiles or few, so a GPU, which waits for the
 /// slowest workgroup, wants small bands. Each band goes through all splats, so a CPU wants large ones.
-pub(crate) fn band_rows(device: &DeviceInfo) -> u32 {
+pub fn band_rows(device: &DeviceInfo) -> u32 {
     if device.kind == DeviceKind::Cpu { u32::MAX } else { 6 }
 }
 
@@ -54,13 +54,13 @@ macro_rules! kernels {
         $(, with $constant:ident = $value:literal)?;)*) => {
         $(#[$doc])*
         pub struct $set {
-            $(pub(crate) $name: Kernel,)*
+            $(pub $name: Kernel,)*
         }
 
         impl $set {
             /// All of them, with their names here.
             #[cfg(feature = "inspection")]
-            pub(crate) fn all(&self) -> impl Iterator<Item = (&'static str, &Kernel)> {
+            pub fn all(&self) -> impl Iterator<Item = (&'static str, &Kernel)> {
                 [$((stringify!($name), &self.$name)),*].into_iter()
             }
 
@@ -170,32 +170,24 @@ impl FilterKernels {
     }
 }
 
-#[cfg(feature = "training")]
-pub(crate) use training::TrainingKernels;
+kernels! {
+    /// Pipelines of training.
+    TrainingKernels:
+    train_activate = train_activate(5, 0), in lockstep: train_activate_lockstep;
+    train_slots = train_slots(7, 0);
+    ssim_rows = ssim_rows(4, 0), in lockstep: ssim_rows_lockstep;
+    ssim_columns = ssim_columns(4, 0), in lockstep: ssim_columns_lockstep;
+    ssim_back = ssim_back(4, 0), in lockstep: ssim_back_lockstep;
+    ssim_gradient = ssim_gradient(7, 0), in lockstep: ssim_gradient_lockstep;
+    loss_gradient = loss_gradient(5, 0);
+    splat_backward = splat_backward(8, 0), in lockstep: splat_backward_lockstep;
+    train_gradient = train_gradient(8, 0);
+    train_step = train_step(11, 0), in lockstep: train_step_lockstep;
+}
 
-#[cfg(feature = "training")]
-mod training {
-    use super::*;
-
-    kernels! {
-        /// Pipelines of training.
-        TrainingKernels:
-        train_activate = train_activate(5, 0), in lockstep: train_activate_lockstep;
-        train_slots = train_slots(7, 0);
-        ssim_rows = ssim_rows(4, 0), in lockstep: ssim_rows_lockstep;
-        ssim_columns = ssim_columns(4, 0), in lockstep: ssim_columns_lockstep;
-        ssim_back = ssim_back(4, 0), in lockstep: ssim_back_lockstep;
-        ssim_gradient = ssim_gradient(7, 0), in lockstep: ssim_gradient_lockstep;
-        loss_gradient = loss_gradient(5, 0);
-        splat_backward = splat_backward(8, 0), in lockstep: splat_backward_lockstep;
-        train_gradient = train_gradient(8, 0);
-        train_step = train_step(11, 0), in lockstep: train_step_lockstep;
-    }
-
-    impl TrainingKernels {
-        /// Builds every pipeline.
-        pub fn new(device: &Device, sh_degree: u32) -> Result<TrainingKernels, Error> {
-            TrainingKernels::build(device, &[(SH_DEGREE, sh_degree)])
-        }
+impl TrainingKernels {
+    /// Builds every pipeline.
+    pub fn new(device: &Device, sh_degree: u32) -> Result<TrainingKernels, Error> {
+        TrainingKernels::build(device, &[(SH_DEGREE, sh_degree)])
     }
 }

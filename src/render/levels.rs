@@ -14,7 +14,7 @@ use super::splat_buffers::{Held, SplatBuffers};
 use super::{Scene, kernels};
 
 /// One picture size.
-pub(crate) struct Level {
+pub struct Level {
     pub camera: Camera,
     /// Side of the block of frame pixels that becomes one.
     pub factor: u32,
@@ -56,7 +56,7 @@ fn sparse_shift(camera: &Camera) -> u32 {
 
 /// Buffers of all levels, and how many workgroups share the splats. Each buffer is as large as the largest level needs,
 /// except `frame`, which holds all levels.
-pub(crate) struct LevelBuffers {
+pub struct LevelBuffers {
     pub sizes: Vec<Level>,
     /// Logarithm of the number of workgroups that share the sort of the splats.
     pub log_sort_blocks: u32,
@@ -81,7 +81,7 @@ pub(crate) struct LevelBuffers {
 
 /// Which of the two [`Groups`] says how many workgroups of a stage run.
 #[derive(Clone, Copy)]
-pub(crate) enum Pass {
+pub enum Pass {
     /// An evaluation of a search, or what the host asks for.
     Evaluation,
     /// The final picture of a search.
@@ -258,7 +258,7 @@ impl LevelBuffers {
 }
 
 /// The stages' parameters of a level, except the pose and the room for pairs.
-pub(super) fn prototype(
+pub fn prototype(
     options: &RenderOptions,
     held: &Held,
     camera: &Camera,
@@ -291,7 +291,7 @@ pub(super) fn prototype(
 }
 
 /// The parameters at a pose, each from f64 and rounded once. `centre` is what the device's positions are relative to.
-pub(super) fn posed(params: &Params, centre: DVec3, pose: &Pose) -> Params {
+pub fn posed(params: &Params, centre: DVec3, pose: &Pose) -> Params {
     Params {
         rotation: pose.matrix().transpose().to_cols_array().map(|v| v as f32),
         translation: placement_from(centre, pose).translation,
@@ -301,7 +301,7 @@ pub(super) fn posed(params: &Params, centre: DVec3, pose: &Pose) -> Params {
 }
 
 /// A pose as the device holds it: of points relative to the prior's centre.
-pub(crate) fn placement(scene: &Scene, pose: &Pose) -> Placement {
+pub fn placement(scene: &Scene, pose: &Pose) -> Placement {
     placement_from(scene.centre(), pose)
 }
 
@@ -314,7 +314,7 @@ fn placement_from(centre: DVec3, pose: &Pose) -> Placement {
 }
 
 /// The pose that the device holds so.
-pub(crate) fn pose_of(scene: &Scene, placement: &Placement) -> Pose {
+pub fn pose_of(scene: &Scene, placement: &Placement) -> Pose {
     let [w, x, y, z] = placement.rotation.map(f64::from);
     let rotation = DQuat::from_xyzw(x, y, z, w).normalize();
     let translation = DVec3::from(placement.translation.map(f64::from));
@@ -322,7 +322,7 @@ pub(crate) fn pose_of(scene: &Scene, placement: &Placement) -> Pose {
 }
 
 /// What codes of poses are relative to.
-pub(crate) fn anchor(scene: &Scene) -> Anchor {
+pub fn anchor(scene: &Scene) -> Anchor {
     let frame = scene.coordinate_frame();
     Anchor { centre: frame.centre, step: frame.step() as f32 }
 }

@@ -2,29 +2,43 @@
 //! f64 twins have the same names.
 
 pub(crate) mod arithmetic;
-mod binning;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod binning;
 mod block_cache;
 pub mod definition;
 pub mod filter;
-mod frame;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod frame;
 #[cfg(feature = "inspection")]
 pub mod inspection;
 mod jacobian;
-mod kernels;
-pub(crate) mod levels;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod kernels;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod levels;
 mod light;
 pub mod probe;
-mod radix;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod radix;
 mod renderer;
 mod scene;
 mod sight;
-mod splat_buffers;
-mod stages;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod splat_buffers;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod stages;
 mod tile_sums;
-#[cfg(feature = "training")]
-pub mod training;
 mod window;
-mod workspace;
+#[doc(hidden)]
+#[allow(missing_docs)] // For `crate::parts`.
+pub mod workspace;
 
 pub use block_cache::{BlockReader, SetAside, SpawnReader};
 pub use frame::to_byte;

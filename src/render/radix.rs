@@ -22,7 +22,7 @@ pub enum SortPrecision {
 
 impl SortPrecision {
     /// The digit that is sorted by first: the coarse order leaves out the lowest.
-    pub(crate) fn first_digit(self) -> u32 {
+    pub fn first_digit(self) -> u32 {
         match self {
             SortPrecision::Exact => 0,
             SortPrecision::Coarse => 1,
@@ -31,12 +31,12 @@ impl SortPrecision {
 }
 
 /// Where the counts of each block's keys by digit lie in their buffer, if digits are as wide as they may be.
-pub(crate) fn histogram(log_blocks: u32) -> BlockTable {
+pub fn histogram(log_blocks: u32) -> BlockTable {
     BlockTable::new(TABLE, log_blocks, 0, DIGITS)
 }
 
 /// A sort of keys. Culled keys are left out of the order.
-pub(crate) struct Sort<'a> {
+pub struct Sort<'a> {
     pub sort_precision: SortPrecision,
     /// How many keys; `None`: one for each splat that stage `project` projected. It has counted their first digits,
     /// too.

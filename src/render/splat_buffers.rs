@@ -14,7 +14,7 @@ use crate::{Prior, RenderOptions};
 use super::SceneKernels;
 
 /// Splats on the device, activated and laid out in planes, and the pipelines that draw them: what the stages read.
-pub(crate) struct SplatBuffers {
+pub struct SplatBuffers {
     pub kernels: Arc<SceneKernels>,
     pub geometry: Buffer,
     pub sh: Buffer,
@@ -27,7 +27,7 @@ pub(crate) struct SplatBuffers {
 
 /// The splats that are drawn: the first ones of the planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Held {
+pub struct Held {
     /// How many.
     pub splats: u32,
     /// See [`Params::stride`](crate::shared::Params::stride).
@@ -80,7 +80,7 @@ fn scaled_axes(splats: &Splats, i: usize) -> DMat3 {
 }
 
 /// What the device holds of a prior's splats, in planes of a pair of floats per splat.
-pub(super) struct Planes {
+pub struct Planes {
     /// See [`GEOMETRY_PLANES`].
     pub geometry: Vec<f32>,
     /// See [`shared::sh_planes`].
@@ -103,13 +103,13 @@ impl Planes {
 }
 
 /// What the device's positions are relative to.
-pub(super) fn centre(prior: &Prior) -> DVec3 {
+pub fn centre(prior: &Prior) -> DVec3 {
     DVec3::from(prior.coordinate_frame().centre.map(f64::from))
 }
 
 /// Planes of position (relative to `centre`), opacity and axes of the splats that `which` names,
 /// computed in f64 and rounded once.
-pub(super) fn geometry(splats: &Splats, which: &[u32], stride: usize, centre: DVec3) -> Vec<f32> {
+pub fn geometry(splats: &Splats, which: &[u32], stride: usize, centre: DVec3) -> Vec<f32> {
     pair_planes(which, stride, GEOMETRY_PLANES, |i| {
         let axes = scaled_axes(splats, i).to_cols_array();
         let position = DVec3::from(splats.positions[i].map(f64::from)) - centre;
@@ -123,7 +123,7 @@ pub(super) fn geometry(splats: &Splats, which: &[u32], stride: usize, centre: DV
 }
 
 /// Planes of the coefficients that are needed, RGB after RGB. Two coefficients take three planes.
-pub(super) fn sh_planes(splats: &Splats, which: &[u32], stride: usize, degree: u32) -> Vec<f32> {
+pub fn sh_planes(splats: &Splats, which: &[u32], stride: usize, degree: u32) -> Vec<f32> {
     let own = splats.sh_stride();
     let needed = 3 * shared::sh_coefficients(degree) as usize;
     let of = |i: usize| splats.sh[i * own..][..needed].iter().copied();

@@ -19,11 +19,11 @@ const EVALUATIONS: usize = 4;
 /// Evaluations that each further submission of a longer search has room for.
 const FURTHER_EVALUATIONS: usize = 4;
 /// Evaluations whose times are kept.
-pub(crate) const TIMED_EVALUATIONS: usize = EVALUATIONS + 20 * FURTHER_EVALUATIONS;
+pub const TIMED_EVALUATIONS: usize = EVALUATIONS + 20 * FURTHER_EVALUATIONS;
 
 /// Which parts of a picture are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Channels {
+pub enum Channels {
     /// Colours, depth and transmittance.
     All,
     /// Depth is not.
@@ -32,7 +32,7 @@ pub(crate) enum Channels {
 
 /// Where the camera is.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum CameraPose {
+pub enum CameraPose {
     /// At the pose of the parameters.
     Asked,
     /// At the coded pose.
@@ -40,7 +40,7 @@ pub(crate) enum CameraPose {
 }
 
 /// What a final picture comes with.
-pub(crate) struct PictureEnds<'a> {
+pub struct PictureEnds<'a> {
     /// Depths, for the host to read.
     pub depths: bool,
     /// The difference from this frame.
@@ -49,7 +49,7 @@ pub(crate) struct PictureEnds<'a> {
 
 /// What all stages are recorded with. A [`Pass`] says which workgroup counts a dispatch uses.
 #[derive(Clone, Copy)]
-pub(crate) struct Stages<'a> {
+pub struct Stages<'a> {
     pub kernels: &'a Kernels,
     pub splats: &'a SplatBuffers,
     pub levels: &'a LevelBuffers,
@@ -59,7 +59,7 @@ pub(crate) struct Stages<'a> {
 
 /// What a search is recorded with beyond that.
 #[derive(Clone, Copy)]
-pub(crate) struct SearchStages<'a> {
+pub struct SearchStages<'a> {
     pub stages: Stages<'a>,
     pub frame: &'a FrameBuffers,
     pub jacobian: Jacobian,

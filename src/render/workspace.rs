@@ -7,7 +7,7 @@ use super::splat_buffers::SplatBuffers;
 use super::{kernels, radix};
 
 /// Splat-sized and pair-sized buffers.
-pub(crate) struct Workspace {
+pub struct Workspace {
     /// One more than there are splats: the last shows nothing.
     pub records: Buffer,
     /// Depth keys by splat.

@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
+use crate::trainer::{NoRoom, Trainer, TrainingFrame, TrainingState, TrainingView};
 use nvsprior::prior::{RenderOptions, Splats};
-use nvsprior::render::training::{NoRoom, Trainer, TrainingFrame, TrainingState, TrainingView};
 use nvsprior::vulkan::Error as DeviceError;
 use nvsprior::{Camera, Engine};
 
@@ -128,7 +128,7 @@ impl Trainers<'_> {
     fn start(&mut self, size: [u32; 2], state: TrainingState) -> Result<(), FitError> {
         let plan = self.options.plan(size, self.fit.centre);
         plan.memory(self.fit.engine.device())?;
-        let mut trainer = self.fit.engine.trainer(&plan)?;
+        let mut trainer = Trainer::new(self.fit.engine, &plan)?;
         trainer.set(&state)?;
         self.all.push((size, trainer));
         Ok(())

@@ -19,6 +19,7 @@ pub mod pose_trials;
 mod posed_picture;
 pub mod removal;
 pub mod samples;
+pub mod trainer;
 pub mod trim;
 
 pub use fit::FitError;

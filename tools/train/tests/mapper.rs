@@ -6,13 +6,13 @@ mod common;
 use glam::DVec3;
 
 use nvsprior::render::Plan;
-use nvsprior::render::training::{Fits, Shortage};
 use nvsprior::vulkan::DeviceInfo;
 use nvsprior::{Engine, Picture, Pose, Prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{
     ColouredPoint, MapError, MapOptions, Mapper, Schedule, read_state, write_state,
 };
+use nvsprior_train::trainer::{Fits, Shortage};
 
 const STEPS: u32 = 1200;
 

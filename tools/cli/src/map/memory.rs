@@ -1,9 +1,9 @@
 //! How much memory a training takes, said and checked before any picture is read.
 
 use nvsprior::Engine;
-use nvsprior::render::training::TrainingMemory;
 use nvsprior_kernels::training::planes;
 use nvsprior_train::mapper::MapOptions;
+use nvsprior_train::trainer::TrainingMemory;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 
 use super::from::CANDIDATES;

@@ -4,9 +4,9 @@
 //! A picture's map takes the scene's colours to the picture's. It is fitted to the render by least squares in closed
 //! form, so it has no rate. The picture is trained on with the map undone, so the gradients need not know of it.
 
+use crate::trainer::TrainingFrame;
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use nvsprior::Picture;
-use nvsprior::render::training::TrainingFrame;
 
 use crate::PosedPicture;
 

@@ -1,6 +1,6 @@
 //! The pictures as steps look at them: in the scene's light, and at each size that is trained at.
 
-use nvsprior::render::training::TrainingFrame;
+use crate::trainer::TrainingFrame;
 use rayon::prelude::*;
 
 use super::Exposure;

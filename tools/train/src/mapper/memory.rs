@@ -5,9 +5,9 @@
 //! what is new is not taken for a fault. Where the pictures show the same detail in another light, the views take that
 //! light: their detail stays, and their blurred colours follow the splats.
 
+use crate::trainer::SH_0;
 use glam::DVec3;
 use nvsprior::prior::{RenderOptions, Splats};
-use nvsprior::render::training::SH_0;
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 use rayon::prelude::*;
 

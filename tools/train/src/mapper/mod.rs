@@ -16,10 +16,10 @@ mod schedule;
 mod splats;
 mod start;
 
+use crate::trainer::{NoRoom, Trainer, TrainingPlan, TrainingState, TrainingView};
 use glam::DVec3;
 use nvsprior::prior::{PriorError, RenderOptions, Splats};
 use nvsprior::random::Random;
-use nvsprior::render::training::{NoRoom, Trainer, TrainingPlan, TrainingState, TrainingView};
 use nvsprior::vulkan::{Error as DeviceError, StageTime};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 use nvsprior_kernels::training::planes;
@@ -220,7 +220,7 @@ impl Mapper {
     ) -> Result<Mapper, MapError> {
         let camera = views[0].camera;
         let plan = options.plan([camera.width, camera.height], centre);
-        let mut trainer = engine.trainer(&plan)?;
+        let mut trainer = Trainer::new(engine, &plan)?;
         let zero = vec![0.0; parameters.len()];
         trainer.set(&TrainingState { parameters, first: zero.clone(), second: zero })?;
         trainer.set_in_use(alive);

@@ -1,8 +1,8 @@
 //! Where splats are needed: those that show nothing move to where others show much, and some are added, so that the
 //! picture stays as it is (3DGS-MCMC, Kheradmand et al. 2024, eq. 9).
 
+use crate::trainer::TrainingState;
 use nvsprior::random::Random;
-use nvsprior::render::training::TrainingState;
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION};
 use rayon::prelude::*;
 

@@ -5,9 +5,9 @@
 //! light of each picture (12 f64: the columns of the gain, the offset) with its pose (7 f64: x, y, z, w, translation);
 //! a CRC-32 over all before it.
 
+use crate::trainer::TrainingState;
 use glam::{DMat3, DQuat, DVec3};
 use nvsprior::Pose;
-use nvsprior::render::training::TrainingState;
 
 use super::{Exposure, MapState};
 

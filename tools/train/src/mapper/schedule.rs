@@ -1,6 +1,6 @@
 //! How fast what is trained, and when splats move elsewhere.
 
-use nvsprior::render::training::{FADING, Training};
+use crate::trainer::{FADING, Training};
 use nvsprior_kernels::shared::sh_coefficients;
 
 /// Rates and pulls. The defaults are those of gsplat's MCMC preset, but for trainings of some thousand steps: splats

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
+use crate::trainer::UNUSED;
 use nvsprior::prior::Splats;
-use nvsprior::render::training::UNUSED;
 use nvsprior_kernels::shared::sh_coefficients;
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 

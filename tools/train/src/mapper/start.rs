@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use crate::trainer::{SH_0, UNUSED};
 use nvsprior::random::Random;
-use nvsprior::render::training::{SH_0, UNUSED};
 use nvsprior_kernels::training::{LOG_SCALE, OPACITY, POSITION, ROTATION, SH, planes};
 
 use super::MapOptions;

@@ -13,10 +13,10 @@
 mod cells;
 mod view;
 
+use crate::trainer::SH_0;
 use glam::DVec3;
 use nvsprior::Pose;
 use nvsprior::prior::Splats;
-use nvsprior::render::training::SH_0;
 use rayon::prelude::*;
 
 use crate::mapper::ColouredPoint;

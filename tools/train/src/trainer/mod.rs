@@ -9,25 +9,24 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::prior::RenderOptions;
-use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, Groups, Params, TILE, sh_planes};
-use crate::training::{
+use nvsprior::parts::{
+    Bytes, CameraPose, Channels, Held, LevelBuffers, Pass, SplatBuffers, Stages, TrainingKernels,
+    Workspace, posed, prototype,
+};
+use nvsprior::prior::RenderOptions;
+use nvsprior::render::{Kernels, PipelineKey};
+use nvsprior::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
+use nvsprior::{Camera, Engine, Picture, Pose};
+use nvsprior_kernels::shared::{
+    Counters, GEOMETRY_PLANES, GROUP, Groups, Params, TILE, sh_coefficients, sh_planes,
+};
+use nvsprior_kernels::training::{
     FRAME_BITS, FRAME_COUNTS, FRAME_MASK, FRAME_ONE, GRADIENT_PIXEL, NO_PAIR, PAIR_FLOATS, RUN,
     RUNS, SSIM_MAPS, SlotCounters, planes,
 };
-use crate::vulkan::{Buffer, Commands, Device, Error, Memory, Recorder, StageTime, Timing};
-use crate::{Camera, Picture, Pose};
 
-use super::Kernels;
-use super::frame::Bytes;
-use super::kernels::{SceneKernels, TrainingKernels};
-use super::levels::{LevelBuffers, Pass, posed, prototype};
-use super::splat_buffers::{Held, SplatBuffers};
-use super::stages::{CameraPose, Channels, Stages};
-use super::workspace::Workspace;
-
-pub use crate::training::{FADING, Training};
 pub use memory::{Fits, NoRoom, Shortage, TrainingMemory};
+pub use nvsprior_kernels::training::{FADING, Training};
 
 /// The first basis function of the spherical harmonics: a coefficient times it, plus ½, is a colour.
 pub const SH_0: f32 = 0.282_094_8;
@@ -275,12 +274,10 @@ fn with_room(count: u32) -> u32 {
 }
 
 impl Trainer {
-    pub(crate) fn new(
-        device: &Device,
-        kernels: &Arc<Kernels>,
-        scene_kernels: Arc<SceneKernels>,
-        plan: &TrainingPlan,
-    ) -> Result<Trainer, Error> {
+    /// Makes a trainer of splats.
+    pub fn new(engine: &Engine, plan: &TrainingPlan) -> Result<Trainer, Error> {
+        let key = PipelineKey { sh_degree: plan.sh_degree, clamped: true };
+        let (device, (kernels, scene_kernels)) = (engine.vulkan(), engine.kernels(&key)?);
         let count = plan.splats as usize;
         let own = |name, planes: u32| {
             Buffer::new::<f32>(device, name, count * 2 * planes as usize, Memory::Device)
@@ -297,7 +294,7 @@ impl Trainer {
         let (pairs, slots) = (first_pairs(splats.room), first_pairs(plan.splats));
         Ok(Trainer {
             device: device.clone(),
-            kernels: kernels.clone(),
+            kernels,
             own: TrainingKernels::new(device, plan.sh_degree)?,
             bytes: Bytes::new(device, &levels)?,
             fixed: Fixed::new(device, plan, splats.room)?,
@@ -385,8 +382,10 @@ impl Trainer {
         pose: &Pose,
         into: &mut Picture,
     ) -> Result<(), Error> {
-        let sh_coefficients = crate::shared::sh_coefficients(self.plan.sh_degree);
-        let training = Training { sh_coefficients, ..Training::default() };
+        let training = Training {
+            sh_coefficients: sh_coefficients(self.plan.sh_degree),
+            ..Training::default()
+        };
         let frame = &TrainingFrame { words: Vec::new() };
         self.run(Job::Picture, &TrainingView { camera, pose, frame, factor: 1 }, &training)?;
         let pixels = camera.pixels();

@@ -1,9 +1,11 @@
 //! What a training takes of the device's memory, known before any of it is taken.
 
-use crate::render::{binning, kernels, radix};
-use crate::shared::{Counters, GEOMETRY_PLANES, GROUP, PIXEL, RECORD, SUMS, TILE, sh_planes};
-use crate::training::{GRADIENT_PIXEL, PAIR_FLOATS, SSIM_MAPS, planes};
-use crate::vulkan::DeviceInfo;
+use nvsprior::parts::{binning, kernels, radix};
+use nvsprior::vulkan::DeviceInfo;
+use nvsprior_kernels::shared::{
+    Counters, GEOMETRY_PLANES, GROUP, PIXEL, RECORD, SUMS, TILE, sh_planes,
+};
+use nvsprior_kernels::training::{GRADIENT_PIXEL, PAIR_FLOATS, SSIM_MAPS, planes};
 
 use super::{PAIRS_PER_SPLAT, TrainingPlan, first_pairs, with_room};
 

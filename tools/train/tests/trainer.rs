@@ -7,9 +7,6 @@ use glam::DVec3;
 
 use nvsprior::prior::Splats;
 use nvsprior::random::Random;
-use nvsprior::render::training::{
-    FADING, Trainer, Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
-};
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOptions};
 use nvsprior_kernels::shared::sh_coefficients;
 use nvsprior_kernels::training::{
@@ -17,6 +14,9 @@ use nvsprior_kernels::training::{
 };
 use nvsprior_reference::Twin;
 use nvsprior_reference::loss::loss;
+use nvsprior_train::trainer::{
+    FADING, Trainer, Training, TrainingFrame, TrainingPlan, TrainingState, TrainingView,
+};
 
 const CAMERA: Camera = Camera { width: 44, height: 37, fx: 40.0, fy: 44.0, cx: 21.0, cy: 19.0 };
 const SHARE: f32 = 0.2;
@@ -164,7 +164,7 @@ impl Case {
             ssim: true,
             profiled: false,
         };
-        let mut trainer = engine.trainer(&plan).unwrap();
+        let mut trainer = Trainer::new(engine, &plan).unwrap();
         let parameters = planes_of(&self.splats);
         let zero = vec![0.0; parameters.len()];
         let (first, second) = (zero.clone(), zero);
