@@ -38,6 +38,10 @@ pub struct StructureArgs {
     /// Which pictures share intrinsics [default: one, that is, all]
     #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
     lenses: Option<LensesArg>,
+    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: these,
+    /// and those that show the same place [default: auto]
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
+    matching: Option<MatchingArg>,
     /// What the vehicle states of its course, a CSV with the columns `file` or `time` (of the video, seconds), and some
     /// of `north`, `east`, `depth` (metres), `heading`, `pitch`, `roll` (degrees): the prior's unit becomes a metre,
     /// and its axes north, east, down. TILT: how far the camera looks up if the vehicle is level, degrees; below zero:
@@ -98,6 +102,13 @@ enum LensesArg {
     Picture,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+enum MatchingArg {
+    Auto,
+    Exhaustive,
+    Sequential,
+}
+
 impl StructureArgs {
     /// The pictures or videos that were given.
     pub fn unposed(&self) -> &[PathBuf] {
@@ -138,7 +149,11 @@ impl StructureArgs {
                 Some(LensesArg::Folder) => Lenses::Folder,
                 Some(LensesArg::Picture) => Lenses::Picture,
             },
-            matching: Matching::Auto,
+            matching: match self.matching {
+                None | Some(MatchingArg::Auto) => Matching::Auto,
+                Some(MatchingArg::Exhaustive) => Matching::Exhaustive,
+                Some(MatchingArg::Sequential) => Matching::Sequential,
+            },
             sequence: pictures.sequence,
             size: how.matched(),
             masks: how.masks.map(Path::to_path_buf),
