@@ -3,18 +3,17 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use clap::ValueEnum;
 use nvsprior::packet::PoseProfile;
 use nvsprior::render::Jacobian;
 use nvsprior::residual::ResidualCoder;
-use nvsprior::tracking::RefineOptions;
+use nvsprior::tracking::{Optimizer, RefineOptions};
 use nvsprior::{Encoder, EncoderOptions, Rate};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::summary::{self, Row};
-use nvsprior_inputs::values;
+use nvsprior_inputs::values::{self, named};
 
-use crate::args::OptimizerArg;
+use crate::args::OPTIMIZERS;
 use crate::bench::StartArgs;
 
 /// Encode the frames of a camera file as the paper does
@@ -28,20 +27,20 @@ pub struct Args {
     input: InputArgs,
     #[command(flatten)]
     start: StartArgs,
-    #[arg(long, value_enum, default_value = "bfgs")]
-    optimizer: OptimizerArg,
+    #[arg(long, default_value = "bfgs", value_parser = named(&OPTIMIZERS))]
+    optimizer: Optimizer,
     /// Pose Jacobian of gauss-newton
-    #[arg(long, value_enum, default_value = "flow")]
-    jacobian: JacobianArg,
+    #[arg(long, default_value = "flow", value_parser = named(&JACOBIANS))]
+    jacobian: Jacobian,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
     /// Coder of the difference picture
-    #[arg(long, value_enum, default_value = "webp")]
-    residual: ResidualArg,
+    #[arg(long, default_value = "webp", value_parser = named(&RESIDUALS))]
+    residual: Residual,
     /// How the pose is written: `compact` (16 bytes) or `paper` (7 × float32)
-    #[arg(long, value_enum, default_value = "compact")]
-    profile: ProfileArg,
+    #[arg(long, default_value = "compact", value_parser = named(&PROFILES))]
+    profile: PoseProfile,
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
@@ -67,24 +66,16 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum JacobianArg {
-    Flow,
-    Exact,
-}
-
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ResidualArg {
-    Wavelet,
-    Webp,
-    None,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum ProfileArg {
-    Compact,
-    Paper,
-}
+const JACOBIANS: [(&str, Jacobian); 2] = [("flow", Jacobian::Flow), ("exact", Jacobian::Exact)];
+const PROFILES: [(&str, PoseProfile); 2] =
+    [("compact", PoseProfile::Compact), ("paper", PoseProfile::Paper)];
+/// `None`: there is no difference picture.
+type Residual = Option<ResidualCoder>;
+const RESIDUALS: [(&str, Residual); 3] = [
+    ("webp", Some(ResidualCoder::Webp)),
+    ("wavelet", Some(ResidualCoder::Wavelet)),
+    ("none", None),
+];
 
 impl Args {
     fn options(&self) -> EncoderOptions {
@@ -93,28 +84,17 @@ impl Args {
             (_, Some(psnr)) => Rate::Psnr(psnr),
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
-        let jacobian = match self.jacobian {
-            JacobianArg::Flow => Jacobian::Flow,
-            JacobianArg::Exact => Jacobian::Exact,
-        };
         EncoderOptions {
             refine: RefineOptions {
-                optimizer: self.optimizer.into(),
-                jacobian,
+                optimizer: self.optimizer,
+                jacobian: self.jacobian,
                 ..RefineOptions::default()
             },
-            rate: (self.residual != ResidualArg::None).then_some(rate),
-            mode: nvsprior::Mode::Intra,
+            rate: self.residual.map(|_| rate),
+            residual: self.residual.unwrap_or_default(),
             threshold: self.threshold,
             truth: !self.no_truth,
-            profile: match self.profile {
-                ProfileArg::Compact => PoseProfile::Compact,
-                ProfileArg::Paper => PoseProfile::Paper,
-            },
-            residual: match self.residual {
-                ResidualArg::Webp => ResidualCoder::Webp,
-                ResidualArg::Wavelet | ResidualArg::None => ResidualCoder::Wavelet,
-            },
+            profile: self.profile,
             ..EncoderOptions::default()
         }
     }
