@@ -138,8 +138,8 @@ struct RefineArgs {
 #[derive(clap::Args)]
 struct RateArgs {
     /// The difference picture: coded by the `wavelet` coder, or `none`: the packet is the pose alone
-    #[arg(long, action = clap::ArgAction::Set, default_value = "wavelet", value_parser = values::named(&RESIDUALS))]
-    residual: bool,
+    #[arg(long, default_value = "wavelet", value_parser = values::named(&RESIDUALS))]
+    residual: Residual,
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
@@ -158,8 +158,13 @@ struct RateArgs {
     no_truth: bool,
 }
 
-/// Whether there is a difference picture.
-const RESIDUALS: [(&str, bool); 2] = [("wavelet", true), ("none", false)];
+#[derive(Clone, Copy, PartialEq)]
+enum Residual {
+    Wavelet,
+    None,
+}
+
+const RESIDUALS: [(&str, Residual); 2] = [("wavelet", Residual::Wavelet), ("none", Residual::None)];
 
 impl RateArgs {
     /// `tag`: bytes of each packet's number and tag.
@@ -169,7 +174,7 @@ impl RateArgs {
             (_, Some(psnr)) => Rate::Psnr(psnr),
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
-        self.residual.then_some(rate)
+        (self.residual != Residual::None).then_some(rate)
     }
 }
 
