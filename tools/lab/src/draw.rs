@@ -34,8 +34,8 @@ pub struct Args {
     /// Draws the site's mapping run, M1, M2, M3 or M4, that a prior is trained from
     #[arg(long, conflicts_with = "run")]
     mapping_run: bool,
-    /// Course of the tower's mapping run: along the line of sight, from 4.5 to 1.6 m; about the tower, in three rows; or
-    /// both, if it is not there
+    /// Course of the tower's mapping run: along the line of sight, from 4.5 to 1.6 m; about the tower, in three rows;
+    /// or both, if it is not there
     #[arg(long, value_name = "COURSE", requires = "mapping_run", value_parser = values::named(&COURSES))]
     course: Option<Course>,
     #[command(flatten)]
