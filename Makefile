@@ -115,7 +115,8 @@ TOWER := target/tower-$(COURSE)-$(LENS)
 
 tower-prior:
 	@scripts/setup.sh run
-	cargo run --release --bin nvsprior-lab -- draw --site tower --mapping-run --course $(COURSE) --lens $(LENS) --out $(TOWER)
+	cargo run --release --bin nvsprior-lab -- draw --site tower --mapping-run --course $(COURSE) --lens $(LENS) \
+		--out $(TOWER)
 	cargo run --release --bin nvsprior -- map --cameras $(TOWER)/M4/cameras.json --out $(TOWER)/prior.nvsg \
 		--report $(TOWER)/report
 

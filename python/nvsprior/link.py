@@ -129,7 +129,7 @@ def link(
     ``latency``: seconds from exposure to display, ``coding`` of them for search, coding and decoding, ``propagation``
     on the way, and ``spread`` from a packet's first modem frame to its last; None: a quarter of what is left, 0 without
     loss. ``loss``, ``burst``: the chance that a modem frame is lost, and how many are in a row. The same arguments give
-    the same result. ``nvsprior link`` also knows reports and video coders.
+    the same result. ``nvsprior link`` also knows reports, and ``nvsprior-lab link`` video coders.
     """
     delay = coding + propagation
     link = VehicleLink(

@@ -252,7 +252,7 @@ impl LinkArgs {
         let spread = spread * (latency - delay).max(0.0);
         let setting = Setting {
             mode,
-            tune: args.tune.tune(),
+            tune: args.tune.tune,
             bit_rate,
             mtu: self.mtu.into(),
             overhead: self.overhead,

@@ -4,8 +4,8 @@
 //!     cargo run --release -p nvsprior-cli --example ageing -- PROGRAMS PRIOR OUT [FRAMES [RATE]]
 //!
 //! Five dives of the basin, 0 to 26 weeks after the mapping run, FRAMES (40) each at RATE (3) per second, 33 dB. Each
-//! way runs `nvsprior` as a person would, from the folder PROGRAMS. OUT gets a folder for each dive and way, `ageing.csv` and `ageing.svg`. Bytes
-//! are means per frame. What is there already is not done again.
+//! way runs the programs in the folder PROGRAMS as a person would. OUT gets a folder for each dive and way,
+//! `ageing.csv` and `ageing.svg`. Bytes are means per frame. What is there already is not done again.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

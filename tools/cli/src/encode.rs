@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Context;
-use clap::ValueEnum;
 use nvsprior::residual::Interest;
 use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate, RenderChecks};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
@@ -139,8 +138,8 @@ struct RefineArgs {
 #[derive(clap::Args)]
 struct RateArgs {
     /// The difference picture: coded by the `wavelet` coder, or `none`: the packet is the pose alone
-    #[arg(long, value_enum, default_value = "wavelet")]
-    residual: ResidualArg,
+    #[arg(long, default_value = "wavelet", value_parser = values::named(&RESIDUALS))]
+    residual: Residual,
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
@@ -159,11 +158,13 @@ struct RateArgs {
     no_truth: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ResidualArg {
+#[derive(Clone, Copy, PartialEq)]
+enum Residual {
     Wavelet,
     None,
 }
+
+const RESIDUALS: [(&str, Residual); 2] = [("wavelet", Residual::Wavelet), ("none", Residual::None)];
 
 impl RateArgs {
     /// `tag`: bytes of each packet's number and tag.
@@ -173,7 +174,7 @@ impl RateArgs {
             (_, Some(psnr)) => Rate::Psnr(psnr),
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
-        (self.residual != ResidualArg::None).then_some(rate)
+        (self.residual != Residual::None).then_some(rate)
     }
 }
 
@@ -221,7 +222,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut options = EncoderOptions { threshold, frame_time, ..Default::default() };
     options.rate = args.rate.rate(keys.as_ref().map_or(0, Keys::overhead));
     options.mode = mode;
-    options.tune = args.tune.tune();
+    options.tune = args.tune.tune;
     if options.mode != Mode::Intra && !engine.device().portable {
         tell!("the device is not portable: every frame is an intra frame");
     }

@@ -123,7 +123,7 @@ impl Args {
     }
 
     fn encoder(&self) -> anyhow::Result<EncoderOptions> {
-        let (mode, tune) = (self.mode.mode(true)?, self.tune.tune());
+        let (mode, tune) = (self.mode.mode(true)?, self.tune.tune);
         Ok(EncoderOptions { threshold: self.threshold, mode, tune, ..Default::default() })
     }
 }

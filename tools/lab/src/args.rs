@@ -1,28 +1,15 @@
 //! Arguments that several measurements share.
 
-use clap::ValueEnum;
 use nvsprior_inputs::args::numbers;
 use nvsprior_paper::Optimizer;
 
 /// The optimisers by their names.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum OptimizerArg {
-    GaussNewton,
-    Bfgs,
-    Adam,
-    AdamBfgs,
-}
-
-impl From<OptimizerArg> for Optimizer {
-    fn from(arg: OptimizerArg) -> Optimizer {
-        match arg {
-            OptimizerArg::GaussNewton => Optimizer::GaussNewton,
-            OptimizerArg::Bfgs => Optimizer::Bfgs,
-            OptimizerArg::Adam => Optimizer::Adam,
-            OptimizerArg::AdamBfgs => Optimizer::AdamBfgs,
-        }
-    }
-}
+pub const OPTIMIZERS: [(&str, Optimizer); 4] = [
+    ("gauss-newton", Optimizer::GaussNewton),
+    ("bfgs", Optimizer::Bfgs),
+    ("adam", Optimizer::Adam),
+    ("adam-bfgs", Optimizer::AdamBfgs),
+];
 
 /// A pose step as τ = (ρx, ρy, ρz, θx, θy, θz), angles in degrees on the command line.
 #[derive(Clone, Copy)]

@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use nvsprior::image::Preprocessor;
 use nvsprior::vulkan::MemoryUse;
 
-use crate::args::{OptimizerArg, StepArg};
+use crate::args::{OPTIMIZERS, StepArg};
 use context::{Context, OptimizerRun, Shot, host_bytes};
 use forward::Forward;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
@@ -50,8 +50,8 @@ pub struct Args {
     #[command(flatten)]
     run: RunArgs,
     /// Gradient methods to compare with Gauss–Newton, which is always measured
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "bfgs")]
-    optimizers: Vec<OptimizerArg>,
+    #[arg(long, value_delimiter = ',', default_value = "bfgs", value_parser = values::named(&OPTIMIZERS))]
+    optimizers: Vec<Optimizer>,
     /// Frames that gradient methods are measured on, after a first one; 0: none
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = values::count)]
     bfgs_frames: usize,
@@ -209,7 +209,7 @@ fn gradient(args: &Args, context: &mut Context) -> anyhow::Result<Vec<OptimizerR
     if frames == 0 {
         return Ok(Vec::new());
     }
-    let optimizers = args.optimizers.iter().map(|optimizer| Optimizer::from(*optimizer));
+    let optimizers = args.optimizers.iter().copied();
     let gradient = optimizers.filter(|optimizer| *optimizer != Optimizer::GaussNewton);
     let bar = progress(args.optimizers.len() * (frames + 1), "gradient methods");
     gradient

@@ -7,11 +7,10 @@ mod video;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-use nvsprior_basin::Conditions;
+use nvsprior_basin::{Conditions, Course};
 use nvsprior_inputs::args::progress;
 use nvsprior_inputs::values;
 
-use rig::CourseArg;
 use scene::{SceneArgs, draw_dive, draw_mapping_run};
 use video::VideoArgs;
 
@@ -35,12 +34,16 @@ pub struct Args {
     /// Draws the site's mapping run, M1, M2, M3 or M4, that a prior is trained from
     #[arg(long, conflicts_with = "run")]
     mapping_run: bool,
-    /// Course of the tower's mapping run; both if it is not there
-    #[arg(long, value_name = "COURSE", value_enum, requires = "mapping_run")]
-    course: Option<CourseArg>,
+    /// Course of the tower's mapping run: along the line of sight, from 4.5 to 1.6 m; about the tower, in three rows;
+    /// or both, if it is not there
+    #[arg(long, value_name = "COURSE", requires = "mapping_run", value_parser = values::named(&COURSES))]
+    course: Option<Course>,
     #[command(flatten)]
     video: VideoArgs,
 }
+
+const COURSES: [(&str, Course); 3] =
+    [("approach", Course::Approach), ("arcs", Course::Arcs), ("both", Course::Both)];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(file) = args.video.file() {

@@ -1,5 +1,5 @@
-//! Measures the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), what a device can
-//! do at best ([`ceilings`]), how much of that each stage should take ([`cost`]), all that of one device
+//! Measures the engine: run time and error ([`mod@bench`]), numbers at their extremes ([`stability`]), what a device
+//! can do at best ([`ceilings`]), how much of that each stage should take ([`cost`]), all that of one device
 //! ([`device_report`]), and what a GPU's compiler makes of the stages ([`gpu_check`]). Beside them the paper's system
 //! ([`paper`]), and the scenes to measure on ([`draw`]).
 

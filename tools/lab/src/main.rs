@@ -40,13 +40,13 @@ enum Command {
     Draw(draw::Args),
     #[command(subcommand)]
     Paper(paper::Command),
-    Link(Box<LinkArgs>),
+    Link(Box<Comparing>),
     GpuCheck(gpu_check::Args),
 }
 
 /// As `nvsprior link`, with what only comparisons ask of a link
 #[derive(clap::Args)]
-struct LinkArgs {
+struct Comparing {
     #[command(flatten)]
     link: link::Args,
     #[command(flatten)]

@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use nvsprior_inputs::navigation;
 use nvsprior_inputs::posed::PosedPictures;
 use nvsprior_inputs::structure::{
@@ -36,8 +35,12 @@ pub struct StructureArgs {
         value_parser = camera)]
     camera: Option<CameraArg>,
     /// Which pictures share intrinsics [default: one, that is, all]
-    #[arg(long, value_name = "WHICH", conflicts_with = "cameras")]
-    lenses: Option<LensesArg>,
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras", value_parser = values::named(&LENSES))]
+    lenses: Option<Lenses>,
+    /// Which pairs of pictures are compared: all, those near each other by name (the order of time), or `auto`: these,
+    /// and those that show the same place [default: auto]
+    #[arg(long, value_name = "WHICH", conflicts_with = "cameras", value_parser = values::named(&MATCHING))]
+    matching: Option<Matching>,
     /// What the vehicle states of its course, a CSV with the columns `file` or `time` (of the video, seconds), and some
     /// of `north`, `east`, `depth` (metres), `heading`, `pitch`, `roll` (degrees): the prior's unit becomes a metre,
     /// and its axes north, east, down. TILT: how far the camera looks up if the vehicle is level, degrees; below zero:
@@ -91,12 +94,13 @@ fn camera_params(text: &str) -> Result<String, String> {
     }
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum LensesArg {
-    One,
-    Folder,
-    Picture,
-}
+const LENSES: [(&str, Lenses); 3] =
+    [("one", Lenses::One), ("folder", Lenses::Folder), ("picture", Lenses::Picture)];
+const MATCHING: [(&str, Matching); 3] = [
+    ("auto", Matching::Auto),
+    ("exhaustive", Matching::Exhaustive),
+    ("sequential", Matching::Sequential),
+];
 
 impl StructureArgs {
     /// The pictures or videos that were given.
@@ -133,12 +137,8 @@ impl StructureArgs {
             finder: self.poses.clone().unwrap_or(Finder::Auto),
             camera_model: model,
             camera_params: params,
-            lenses: match self.lenses {
-                None | Some(LensesArg::One) => Lenses::One,
-                Some(LensesArg::Folder) => Lenses::Folder,
-                Some(LensesArg::Picture) => Lenses::Picture,
-            },
-            matching: Matching::Auto,
+            lenses: self.lenses.unwrap_or(Lenses::One),
+            matching: self.matching.unwrap_or(Matching::Auto),
             sequence: pictures.sequence,
             size: how.matched(),
             masks: how.masks.map(Path::to_path_buf),

@@ -1,4 +1,4 @@
-//! `nvsprior prior doubt`: how far a prior's picture may be off, splat by splat, from the pictures that it was trained on.
+//! `nvsprior prior doubt`: how far a prior's picture may be off, splat by splat, by the pictures it was trained on.
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,5 @@
-//! `nvsprior prior key-frames`: makes key frames, the poses at which a lost camera is looked for, from the views of a mapping
-//! run and around them.
+//! `nvsprior prior key-frames`: makes key frames, the poses at which a lost camera is looked for, from the views of a
+//! mapping run and around them.
 
 use std::path::{Path, PathBuf};
 

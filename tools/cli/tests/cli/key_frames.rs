@@ -48,7 +48,7 @@ fn written_beside_the_prior_and_read_with_it() {
     assert_eq!(row(&text, "thinned"), format!("to 1, by {:.4} and 10°", 0.05 * away));
     assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0]), 1e-4, 5e-3);
     // From one split, and by angle alone: two views are 0.0078 rad of pitch and yaw apart, 0.41°.
-    let narrow = format!("{command} --split dive --distance 100 --angle 0.5");
+    let narrow = format!("{command} --split dive --spacing 100,0.5");
     dive.run(&narrow).ends_with(0);
     assert_near(open(&dive, "prior.ply").key_frames(), &poses(&[0.0, 2.0]), 1e-4, 5e-3);
     // A broken file is replaced.

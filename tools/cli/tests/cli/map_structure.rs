@@ -159,6 +159,8 @@ fn what_changes_is_done_again_with_all_that_follows() {
     let dive = dive();
     run(&dive, MAP).ends_with(0);
     calls(&dive);
+    run(&dive, &format!("{MAP} --matching sequential")).ends_with(0);
+    assert_eq!(commands(&dive), ["database_cleaner", "matches_importer", "global_mapper"]);
     let model = "--camera SIMPLE_RADIAL:130,80,45,0.01";
     let other = format!("{MAP} {model} --lenses picture");
     run(&dive, &format!("{other} --seed 7")).ends_with(0);

@@ -12,11 +12,10 @@ const HIDDEN: usize = 1;
 /// Adds the options of a command and of those below it; how many these are.
 fn count(dive: &Dive, command: &str, options: &mut BTreeSet<String>) -> usize {
     let help = dive.run(&format!("{command} --help")).ends_with(0).stdout;
-    let lines = help.lines().map(str::trim_start);
-    let long =
-        lines.filter_map(|line| line.strip_prefix("-h, ").unwrap_or(line).strip_prefix("--"));
+    // Texts that speak of options stand further left or right.
+    let long = help.lines().filter_map(|line| line.strip_prefix("      --"));
     let name = |rest: &str| rest.split([' ', '[', '.']).next().unwrap_or_default().to_owned();
-    options.extend(long.map(name).filter(|name| name != "help" && name != "version"));
+    options.extend(long.map(name));
     let listed = help.split_once("\nCommands:\n").map_or("", |(_, listed)| listed);
     let listed = listed.lines().take_while(|line| !line.is_empty());
     let below: Vec<&str> = listed

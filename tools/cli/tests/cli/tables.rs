@@ -103,7 +103,7 @@ fn refusals_name_what_is_wrong() {
         ("prior tables --prior prior.ply --out a.nvsg", 2, "--cameras"),
         ("prior tables --cameras cameras.json --out a.nvsg", 2, "--prior"),
         (&format!("{TABLES} prior.ply"), 2, "--out"),
-        (&format!("{out} --steps 0"), 2, "--rounds"),
+        (&format!("{out} --steps 0"), 2, "--steps"),
         (&format!("{out} --split night"), 1, "\"night\"; there are: dive, survey"),
         (&format!("{TABLES} prior.ply --out a.ply"), 1, "a.ply: a copy of a PLY"),
         (&format!("{TABLES} small.nvsg --out a.nvsb"), 1, "a.nvsb: a copy of a compact prior"),

@@ -12,10 +12,11 @@ use super::{Bounds, Frame, Subject, devices};
 
 /// Measure a device within minutes: one report, one page
 ///
-/// Compares the device's pictures with the host's, as `nvsprior devices --check` does. Then measures the device's ceilings and, on
-/// the demo's scene at 320×180 and 640×360, its time by stage beside ceilings and prediction, the search, the coding
-/// for 300 and 1000 bytes, and memory. Writes report.json and index.html, and prints them. What cannot be measured is
-/// named. With --table it measures nothing: it prints the table of docs/latency.md from such reports.
+/// Compares the device's pictures with the host's, as `nvsprior devices --check` does. Then measures the device's
+/// ceilings and, on the demo's scene at 320×180 and 640×360, its time by stage beside ceilings and prediction, the
+/// search, the coding for 300 and 1000 bytes, and memory. Writes report.json and index.html, and prints them. What
+/// cannot be measured is named. With --table it measures nothing: it prints the table of docs/latency.md from such
+/// reports.
 ///
 /// Exit codes: 0 all measured and the device is portable, 1 not portable or something failed, 2 wrong usage. The report
 /// is written in the first two cases.

@@ -1,7 +1,7 @@
-//! What the vehicle carries at the tower, and the course of its mapping run.
+//! What the vehicle carries at the tower.
 
-use nvsprior_basin::{Course, Lamps, Rig, RigCamera};
-use nvsprior_inputs::values;
+use nvsprior_basin::{Lamps, Rig, RigCamera};
+use nvsprior_inputs::values::{self, named};
 
 /// What the vehicle carries at the tower. Other sites have a light and a camera of their own.
 #[derive(clap::Args)]
@@ -9,39 +9,18 @@ pub struct RigArgs {
     /// The tower's vehicle: how wide its lens sees, horizontally, 20 to 100; 33 if it is not there
     #[arg(long, value_name = "DEGREES", value_parser = values::field_of_view)]
     lens: Option<f64>,
-    /// The tower's vehicle: which camera of its stereo pair takes the pictures; 1 if it is not there
-    #[arg(long, value_name = "WHICH", value_enum)]
-    camera: Option<CameraArg>,
-    /// The tower's vehicle: which of its lamps are on; both if it is not there
-    #[arg(long, value_name = "WHICH", value_enum)]
-    lamps: Option<LampsArg>,
-}
-
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum CameraArg {
-    #[value(name = "1")]
-    First,
+    /// The tower's vehicle: which camera of its stereo pair takes the pictures; 1 if it is not there. The second one is
     /// 0.2 m to the right, with another response, gain and white balance
-    #[value(name = "2")]
-    Second,
+    #[arg(long, value_name = "WHICH", value_parser = named(&CAMERAS))]
+    camera: Option<RigCamera>,
+    /// The tower's vehicle: which of its lamps are on; both if it is not there
+    #[arg(long, value_name = "WHICH", value_parser = named(&LAMPS))]
+    lamps: Option<Lamps>,
 }
 
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum LampsArg {
-    Both,
-    Left,
-    Right,
-}
-
-/// Course of the tower's mapping run.
-#[derive(Clone, Copy, clap::ValueEnum)]
-pub enum CourseArg {
-    /// Along the line of sight, from 4.5 to 1.6 m
-    Approach,
-    /// About the tower, in three rows
-    Arcs,
-    Both,
-}
+const CAMERAS: [(&str, RigCamera); 2] = [("1", RigCamera::First), ("2", RigCamera::Second)];
+const LAMPS: [(&str, Lamps); 3] =
+    [("both", Lamps::Both), ("left", Lamps::Left), ("right", Lamps::Right)];
 
 impl RigArgs {
     /// The name of an option that is stated.
@@ -58,25 +37,8 @@ impl RigArgs {
         let default = Rig::default();
         Rig {
             lens: self.lens.unwrap_or(default.lens),
-            camera: match self.camera {
-                None | Some(CameraArg::First) => RigCamera::First,
-                Some(CameraArg::Second) => RigCamera::Second,
-            },
-            lamps: match self.lamps {
-                None | Some(LampsArg::Both) => Lamps::Both,
-                Some(LampsArg::Left) => Lamps::Left,
-                Some(LampsArg::Right) => Lamps::Right,
-            },
-        }
-    }
-}
-
-impl From<CourseArg> for Course {
-    fn from(course: CourseArg) -> Course {
-        match course {
-            CourseArg::Approach => Course::Approach,
-            CourseArg::Arcs => Course::Arcs,
-            CourseArg::Both => Course::Both,
+            camera: self.camera.unwrap_or(RigCamera::First),
+            lamps: self.lamps.unwrap_or(Lamps::Both),
         }
     }
 }

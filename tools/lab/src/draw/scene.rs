@@ -5,16 +5,18 @@ use std::path::Path;
 use nvsprior::Camera;
 use nvsprior_basin::{Conditions, Course, Dive, MappingRun, Run, Site, camera_of_width};
 use nvsprior_inputs::args::progress;
-use nvsprior_inputs::values::{self, WrongUsage};
+use nvsprior_inputs::values::{self, WrongUsage, named};
 
-use super::rig::{CourseArg, ONLY_TOWER, RigArgs};
+use super::rig::{ONLY_TOWER, RigArgs};
 
 /// What is drawn.
 #[derive(clap::Args)]
 pub struct SceneArgs {
-    /// Which scene [default: that of --run, else the basin]
-    #[arg(long, value_enum, value_name = "SITE")]
-    site: Option<SiteArg>,
+    /// Which scene: a structure of oil barrels in an indoor basin; a harbour's wall of sheet piles in green water;
+    /// three such structures in a long basin; a steel lattice tower in black water, in the light of the vehicle's own lamps
+    /// [default: that of --run, else the basin]
+    #[arg(long, value_name = "SITE", value_parser = named(&SITES))]
+    site: Option<Site>,
     /// Only this inspection run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5
     /// (months later: more of it, and a pipe that has fallen) of the basin, T3 of the quay, T6 of the row, T7 of the
     /// tower
@@ -43,29 +45,8 @@ pub struct SceneArgs {
 /// Narrower pictures show too little of the scene to search by.
 const LEAST_WIDTH: i64 = 160;
 
-/// Name of a site.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum SiteArg {
-    /// A structure of oil barrels in an indoor basin
-    Basin,
-    /// A harbour's wall of sheet piles, in green water
-    Quay,
-    /// Three structures of oil barrels in a long basin
-    Row,
-    /// A steel lattice tower in black water, in the light of the vehicle's own lamps
-    Tower,
-}
-
-impl From<SiteArg> for Site {
-    fn from(site: SiteArg) -> Site {
-        match site {
-            SiteArg::Basin => Site::Basin,
-            SiteArg::Quay => Site::Quay,
-            SiteArg::Row => Site::Row,
-            SiteArg::Tower => Site::Tower,
-        }
-    }
-}
+const SITES: [(&str, Site); 4] =
+    [("basin", Site::Basin), ("quay", Site::Quay), ("row", Site::Row), ("tower", Site::Tower)];
 
 impl SceneArgs {
     /// The camera of the site that is drawn.
@@ -78,12 +59,12 @@ impl SceneArgs {
     }
 
     /// The site's mapping run, on a course if the site has a choice.
-    pub fn mapping_run(&self, course: Option<CourseArg>) -> Result<MappingRun, WrongUsage> {
+    pub fn mapping_run(&self, course: Option<Course>) -> Result<MappingRun, WrongUsage> {
         let site = self.site()?;
         if course.is_some() && !site.has_lamps() {
             return Err(WrongUsage(format!("--course: {ONLY_TOWER}")));
         }
-        let course = course.map_or(Course::Both, Course::from);
+        let course = course.unwrap_or(Course::Both);
         Ok(MappingRun { site, course, rig: self.rig.rig() })
     }
 
@@ -97,7 +78,7 @@ impl SceneArgs {
     }
 
     fn named_site(&self) -> Result<Site, WrongUsage> {
-        match (self.site.map(Site::from), self.run) {
+        match (self.site, self.run) {
             (Some(site), Some(run)) if run.site() != site => {
                 let run = run.name();
                 Err(WrongUsage(format!("--run {run}: it is not a run of that --site")))

@@ -3,16 +3,15 @@
 use std::path::PathBuf;
 
 use anyhow::Context as _;
-use clap::ValueEnum;
 use nvsprior::Rate;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::summary::{self, Row};
-use nvsprior_inputs::values;
-use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions};
+use nvsprior_inputs::values::{self, named};
+use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions, Optimizer};
 
 use super::ENDING;
-use crate::args::OptimizerArg;
+use crate::args::OPTIMIZERS;
 use crate::bench::StartArgs;
 
 /// Encode the frames of a camera file as the paper does
@@ -26,14 +25,14 @@ pub struct Args {
     input: InputArgs,
     #[command(flatten)]
     start: StartArgs,
-    #[arg(long, value_enum, default_value = "bfgs")]
-    optimizer: OptimizerArg,
+    #[arg(long, default_value = "bfgs", value_parser = named(&OPTIMIZERS))]
+    optimizer: Optimizer,
     /// See `nvsprior encode`
     #[arg(long, value_name = "MSE", default_value_t = 1e-3, value_parser = values::mse, allow_hyphen_values = true)]
     threshold: f64,
     /// Coder of the difference picture
-    #[arg(long, value_enum, default_value = "webp")]
-    residual: ResidualArg,
+    #[arg(long, default_value = "webp", value_parser = named(&RESIDUALS))]
+    residual: bool,
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
@@ -56,11 +55,8 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum ResidualArg {
-    Webp,
-    None,
-}
+/// Whether there is a difference picture.
+const RESIDUALS: [(&str, bool); 2] = [("webp", true), ("none", false)];
 
 impl Args {
     fn options(&self) -> EncoderOptions {
@@ -70,12 +66,9 @@ impl Args {
             _ => Rate::Quality(self.quality.unwrap_or(10.0)),
         };
         EncoderOptions {
-            descent: DescentOptions {
-                optimizer: self.optimizer.into(),
-                ..DescentOptions::default()
-            },
+            descent: DescentOptions { optimizer: self.optimizer, ..DescentOptions::default() },
             threshold: self.threshold,
-            rate: (self.residual == ResidualArg::Webp).then_some(rate),
+            rate: self.residual.then_some(rate),
             frames_treated: false,
         }
     }
