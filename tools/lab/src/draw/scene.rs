@@ -13,8 +13,8 @@ use super::rig::{ONLY_TOWER, RigArgs};
 #[derive(clap::Args)]
 pub struct SceneArgs {
     /// Which scene: a structure of oil barrels in an indoor basin; a harbour's wall of sheet piles in green water;
-    /// three such structures in a long basin; a steel lattice tower in black water, in the light of the vehicle's own lamps
-    /// [default: that of --run, else the basin]
+    /// three such structures in a long basin; a steel lattice tower in black water, in the light of the vehicle's own
+    /// lamps [default: that of --run, else the basin]
     #[arg(long, value_name = "SITE", value_parser = named(&SITES))]
     site: Option<Site>,
     /// Only this inspection run: T1, T2, T4 (weeks later: growth, a brace that is gone, a new chain, other light) or T5
