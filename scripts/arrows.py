@@ -408,8 +408,8 @@ def circles(arrows, crate=""):
 
 
 def crates(top):
-    """Folder and root file of all other crates."""
-    folders = [f"{group}/{name}" for group in ("crates", "tools") for name in sorted(os.listdir(f"{top}/{group}"))]
+    """Folder and root file of the other crates, but for those of tools/."""
+    folders = [f"crates/{name}" for name in sorted(os.listdir(f"{top}/crates"))]
     for folder in [f"{name}/src" for name in [*folders, "gst-plugins", "python", "shaders-rs/kernels"]]:
         yield from ((folder, root) for root in ("lib.rs", "main.rs") if os.path.exists(f"{top}/{folder}/{root}"))
 

@@ -109,7 +109,7 @@ pub enum Trust {
     /// Nothing is known: parts whose check does not match are left out.
     #[default]
     Whole,
-    /// They are the undamaged start of a packet, as [`modem`](crate::modem) gives it. If the
+    /// They are the undamaged start of a packet, as `nvsprior_link::modem` gives it. If the
     /// residual is cut short, the part that arrived is shown.
     Start,
 }
@@ -270,7 +270,7 @@ impl Decoder {
 
     /// Holds the pose of a packet that came, and draws nothing: the poses of later packets may be predicted from it.
     /// The start of a packet is enough. Decoding a packet holds its pose, too. Call it as packets come if they are
-    /// decoded later, and tell the vehicle: [`Report::tell_poses`](crate::modem::Report::tell_poses).
+    /// decoded later, and tell the vehicle: `nvsprior_link::modem::Report::tell_poses`.
     ///
     /// # Errors
     /// As [`parse`](Self::parse), or if the packet is about another prior. If prior and camera are not known here,

@@ -257,7 +257,7 @@ impl Encoder {
     }
 
     /// Tells the encoder whether the topside holds the pose of a frame, as [`Decoder::hold`](crate::Decoder::hold) took
-    /// it in and [`Report::poses`](crate::modem::Report::poses) tells. With [`EncoderOptions::predict_poses`] later
+    /// it in and `nvsprior_link::modem::Report::poses` tells. With [`EncoderOptions::predict_poses`] later
     /// poses are predicted from it, as long as it is one of the last 64 frames. `frame` may be modulo 2¹⁶.
     pub fn acknowledge_pose(&mut self, frame: u32, held: bool) {
         self.confirmed |= held;

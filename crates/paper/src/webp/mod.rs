@@ -12,13 +12,15 @@
 //! | 30–… | partitions, a zero after an odd number of bytes | yes, less one last zero |
 
 mod encoder;
+mod payload;
 
 use nvsprior::Picture;
 use nvsprior::residual::max_payload_len;
 
 use crate::error::WebpError;
 use crate::libwebp::{Arena, Lossy, decode_rgb, encode_rgb, features};
-pub use encoder::{Coded, Payload, WebpEncoder};
+pub use encoder::{Coded, WebpEncoder};
+pub use payload::Payload;
 
 /// Bytes of the container, and of the frame tag after it.
 const CONTAINER_LEN: usize = 20;
