@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::prior::analysis::PriorAnalysis;
 use crate::prior::blocked::BlockedPrior;
 use crate::render::arithmetic;
-use crate::render::probe::Probe;
 use crate::render::{
     BlockReader, Kernels, PipelineKey, Plan, Renderer, Scene, SceneKernels, WindowRoom,
 };
@@ -41,11 +40,6 @@ impl Engine {
     /// The device itself, for your own kernels.
     pub fn vulkan(&self) -> &Device {
         &self.device
-    }
-
-    /// Single stages, run on their own.
-    pub fn probe(&self) -> Probe<'_> {
-        Probe { device: &self.device, kernels: &self.kernels }
     }
 
     /// Device memory in use.
@@ -87,7 +81,8 @@ impl Engine {
         Ok(Arc::new(Scene::new(&self.device, prior, analysis, kernels)?))
     }
 
-    fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
+    #[doc(hidden)]
+    pub fn scene_kernels(&self, traits: &PipelineKey) -> Result<Arc<SceneKernels>, Error> {
         // Only whole sets are put in, so what a thread that panicked left is valid.
         let mut sets = self.scene_kernels.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, set)) = sets.iter().find(|(of, _)| of == traits) {
@@ -103,10 +98,10 @@ impl Engine {
         self.upload_analysed(prior, PriorAnalysis::everything(prior))
     }
 
-    /// The pipelines, those for a kind of prior with them.
+    /// The pipelines that do not depend on a prior.
     #[doc(hidden)]
-    pub fn kernels(&self, key: &PipelineKey) -> Result<(Arc<Kernels>, Arc<SceneKernels>), Error> {
-        Ok((self.kernels.clone(), self.scene_kernels(key)?))
+    pub fn kernels(&self) -> &Arc<Kernels> {
+        &self.kernels
     }
 
     /// Makes a renderer of an uploaded prior.

@@ -21,7 +21,6 @@ pub mod kernels;
 #[allow(missing_docs)] // For `crate::parts`.
 pub mod levels;
 mod light;
-pub mod probe;
 #[doc(hidden)]
 #[allow(missing_docs)] // For `crate::parts`.
 pub mod radix;

@@ -35,6 +35,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// What the device holds of the splats.
+    #[doc(hidden)]
+    pub fn splat_buffers(&self) -> &SplatBuffers {
+        &self.splats
+    }
+
     /// Uploads what pictures of a prior need. They are drawn by pipelines made for its [`PipelineKey`].
     pub(crate) fn new(
         device: &Device,

@@ -9,7 +9,6 @@ mod scene;
 
 use std::sync::Arc;
 
-use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::render::{Jacobian, Job, Plan, Renderer, Scene};
 use nvsprior::vulkan::{
     Buffer, Code, Commands, Device, DeviceOptions, Error, Kernel, Memory, Recorder, StageTime,
@@ -22,6 +21,7 @@ use nvsprior_kernels::shared::{
     CULLED, Counters, DIGITS, PIXEL, Params, SUMS, TABLE, TILE, digit_bits,
 };
 use nvsprior_lab::ceilings::{self, Ceilings, Clock};
+use nvsprior_reference::probe::{Probe, SortPrecision, Stages};
 
 use nvsprior_lab::cost::{
     Cost, Counts, FLOW_FLOPS, Machine, PICTURE_FLOPS, PICTURE_PASSES, Sharing, Work,
@@ -107,7 +107,8 @@ impl LevelView {
             ..Params::default()
         };
         let (room, exact) = (1 << 20, SortPrecision::Exact);
-        let stages = engine.probe().stages_at(scene, &seen.camera, factor, pose, room, exact)?;
+        let stages =
+            Probe::of(&engine).stages_at(scene, &seen.camera, factor, pose, room, exact)?;
         Ok(LevelView { camera, params, stages })
     }
 
@@ -265,7 +266,7 @@ fn pass_bytes(digit: u32, keys: usize, visible: usize) -> f64 {
 }
 
 fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> {
-    let sort = Sort::new(device, keys, best.engine.probe().log_sort_blocks(keys.len() as u32))?;
+    let sort = Sort::new(device, keys, Probe::of(&best.engine).log_sort_blocks(keys.len() as u32))?;
     let order = || Buffer::new::<u32>(device, "order", keys.len(), Memory::Readback);
     let orders = [order()?, order()?];
     let stages = match device.info().in_lockstep() {

@@ -11,6 +11,7 @@ mod counts;
 use nvsprior::{Engine, Prior};
 use nvsprior_kernels::block_table::BlockTable;
 use nvsprior_kernels::shared::{BIN_TABLE, DIGITS, SUMS};
+use nvsprior_reference::probe::Probe;
 
 pub use counts::Counts;
 
@@ -66,7 +67,7 @@ impl Sharing {
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
-        let (probe, splats) = (engine.probe(), prior.len() as u32);
+        let (probe, splats) = (Probe::of(&engine), prior.len() as u32);
         let sort_blocks = 1 << probe.log_sort_blocks(splats);
         let bin_blocks = f64::from(1 << probe.log_bin_blocks(splats));
         let bin_table = f64::from(probe.bin_table());

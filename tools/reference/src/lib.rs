@@ -15,6 +15,7 @@ pub mod extreme;
 pub mod harmonics;
 pub mod loss;
 pub mod pose_jacobian;
+pub mod probe;
 pub mod project;
 pub mod radix;
 pub mod reduce;

@@ -9,11 +9,11 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use nvsprior::render::Scene;
-use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::vulkan::Error as DeviceError;
 use nvsprior::{Camera, Engine, Pose, Prior, RenderOptions};
 use nvsprior_kernels::portable::{POWER_SCALE, POWER_SHIFT, power};
 use nvsprior_kernels::shared::{LOG_ALPHA_MIN, TILE, TRANSMITTANCE_STOP};
+use nvsprior_reference::probe::{Probe, SortPrecision, Stages};
 
 /// Room for pairs of a splat and a tile at first; it grows as pictures need more.
 const FIRST_ROOM: u32 = 1 << 18;
@@ -77,7 +77,7 @@ impl<'a> Blender<'a> {
 
     fn stages(&mut self, camera: &Camera, pose: &Pose) -> Result<Stages, DeviceError> {
         loop {
-            let probe = self.engine.probe();
+            let probe = Probe::of(&self.engine);
             let stages =
                 probe.stages(&self.scene, camera, pose, self.room, SortPrecision::Exact)?;
             if stages.pairs_needed <= self.room {

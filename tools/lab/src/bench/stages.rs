@@ -5,13 +5,13 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use nvsprior::packet::{PoseProfile, QuantisedPose};
-use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Job, Plan, Renderer};
 use nvsprior::tracking::{
     FrameInfo, GaussNewtonOptions, Objective, PoseEstimate, RefineOptions, Schedule, Tracker,
 };
 use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, EncoderOptions, Pose};
+use nvsprior_reference::probe::{Probe, SortPrecision};
 use serde::Serialize;
 
 use super::commands::FrameCommands;
@@ -195,7 +195,7 @@ fn counts(
     row_shift: u32,
 ) -> anyhow::Result<Counts> {
     let probe = |room| {
-        context.engine.probe().stages(&context.scene, camera, pose, room, SortPrecision::Exact)
+        Probe::of(&context.engine).stages(&context.scene, camera, pose, room, SortPrecision::Exact)
     };
     let needed = probe(1)?.pairs_needed;
     Ok(Counts::of(&context.prior, camera, frame, &probe(needed)?, row_shift))

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use nvsprior::render::probe::Stages;
 use nvsprior::{Camera, Prior};
 use nvsprior_kernels::shared::{
     ALPHA_MIN, Outline, Params, Projected, TILE, TRANSMITTANCE_STOP, sh_coefficients, sh_planes,
 };
+use nvsprior_reference::probe::Stages;
 
 use super::Sharing;
 

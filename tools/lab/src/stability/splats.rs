@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use nvsprior::prior::{Fault, Splats};
-use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior::vulkan::Error;
 use nvsprior::{Pose, Prior, RenderOptions};
+use nvsprior_reference::probe::{Probe, SortPrecision};
 use nvsprior_reference::radix;
 
 use super::case::{Bench, Case, Group, Row};
@@ -170,7 +170,7 @@ fn ties(bench: &Bench) -> anyhow::Result<Vec<Row>> {
     splats.positions.iter_mut().for_each(|p| p[2] = if p[0] > 0.0 { 3.0 } else { 4.0 });
     let scene = bench.engine.upload(&scenes::prior(splats)?)?;
     let camera = scenes::camera(64, 48);
-    let stages = bench.engine.probe().stages(
+    let stages = Probe::of(&bench.engine).stages(
         &scene,
         &camera,
         &Pose::IDENTITY,

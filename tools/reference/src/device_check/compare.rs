@@ -3,8 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
+use crate::probe::{Probe, SortPrecision, Stages};
 use nvsprior::render::definition::{Definition, Drawn, Record};
-use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::{Camera, Engine, Error, Picture, Pose, Prior};
 use nvsprior_kernels::shared::{CULLED, PIXEL};
@@ -64,7 +64,7 @@ impl Compared<'_> {
         let mut renderer = self.engine.renderer(&self.uploaded, camera, Plan::picture())?;
         let image = renderer.draw(pose)?.to_vec();
         if let Some(at) = first_difference(&host.image, &image) {
-            let (probe, room) = (self.engine.probe(), 1 << 22);
+            let (probe, room) = (Probe::of(&self.engine), 1 << 22);
             let stages = probe.stages(&self.uploaded, camera, pose, room, SortPrecision::Exact)?;
             return Ok(Err(stage_of(&host, &stages, &image, at)));
         }

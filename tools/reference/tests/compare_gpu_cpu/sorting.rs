@@ -1,7 +1,7 @@
 //! The radix sort against a stable sort.
 
-use nvsprior::render::probe::SortPrecision;
 use nvsprior_kernels::shared::{CULLED, digit_bits};
+use nvsprior_reference::probe::{Probe, SortPrecision};
 use nvsprior_reference::radix;
 
 use crate::common::{self, Random};
@@ -14,11 +14,11 @@ fn assert_sorts(what: &str, key: impl Fn(usize, usize) -> u32) {
     for count in SIZES {
         let keys: Vec<u32> = (0..count).map(|i| key(i, count)).collect();
         let values: Vec<u32> = (0..count as u32).collect();
-        let sorted = engine.probe().sort(&keys, SortPrecision::Exact).unwrap();
+        let sorted = Probe::of(&engine).sort(&keys, SortPrecision::Exact).unwrap();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}");
         let largest = keys.iter().copied().filter(|key| *key != CULLED).max().unwrap_or(0);
         let coarse = |key: u32| if key == CULLED { key } else { key >> digit_bits(largest) };
-        let sorted = engine.probe().sort(&keys, SortPrecision::Coarse).unwrap();
+        let sorted = Probe::of(&engine).sort(&keys, SortPrecision::Coarse).unwrap();
         let keys: Vec<u32> = keys.into_iter().map(coarse).collect();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "{count} keys, {what}, coarse");
     }
@@ -33,7 +33,7 @@ fn any_number_of_blocks_sorts() {
         let keys: Vec<u32> = (0..count).map(|i| Random::new(i).bits() as u32 >> 3).collect();
         let values: Vec<u32> = (0..count as u32).collect();
         let exact = SortPrecision::Exact;
-        let sorted = engine.probe().sort_in_blocks(&keys, exact, log_blocks).unwrap();
+        let sorted = Probe::of(&engine).sort_in_blocks(&keys, exact, log_blocks).unwrap();
         assert!(sorted == radix::sort_visible(&keys, &values).1, "2^{log_blocks} blocks");
     }
     common::assert_silent(&engine);

@@ -1,10 +1,10 @@
 //! Single stages against their twins: projection, derivatives, depth order, binning.
 
 use nvsprior::prior::Splats;
-use nvsprior::render::probe::{SortPrecision, Stages};
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 use nvsprior_kernels::shared::{CULLED, NOWHERE};
 use nvsprior_reference::pose_jacobian::{Motion, derive};
+use nvsprior_reference::probe::{Probe, SortPrecision, Stages};
 use nvsprior_reference::project::Projected;
 use nvsprior_reference::{Twin, Twist, bin, radix};
 
@@ -16,7 +16,8 @@ const ROOM: u32 = 1 << 20;
 fn run(prior: &Prior, camera: &Camera, pose: &Pose, room: u32) -> Stages {
     let engine = common::engine();
     let scene = engine.upload(prior).unwrap();
-    let stages = engine.probe().stages(&scene, camera, pose, room, SortPrecision::Exact).unwrap();
+    let stages =
+        Probe::of(&engine).stages(&scene, camera, pose, room, SortPrecision::Exact).unwrap();
     common::assert_silent(&engine);
     stages
 }
@@ -227,7 +228,7 @@ fn lists_begin_where_those_before_end() {
     let mut random = Random::new(59);
     for (tiles, blocks) in [(1, 4), (7, 16), (920, 16), (31, 128), (2_048, 8)] {
         let counts: Vec<u32> = (0..tiles * blocks).map(|_| (random.bits() % 90) as u32).collect();
-        let got = engine.probe().scan_tiles(tiles as u32, &counts).unwrap();
+        let got = Probe::of(&engine).scan_tiles(tiles as u32, &counts).unwrap();
         assert_eq!(got.pairs, counts.iter().sum::<u32>(), "{blocks} blocks, {tiles} tiles");
         assert_eq!(got.starts, bin::starts(&counts, tiles), "{blocks} blocks, {tiles} tiles");
     }
@@ -239,7 +240,7 @@ fn more_pairs_than_32_bits_count_are_told() {
     // The true sums wrap to less: over tiles, over blocks, and over both.
     for (tiles, blocks, each) in [(9, 4, 1 << 29), (1, 16, 1 << 28), (40, 4, u32::MAX / 3)] {
         let counts = vec![each; tiles * blocks];
-        let got = common::engine().probe().scan_tiles(tiles as u32, &counts).unwrap();
+        let got = Probe::of(&common::engine()).scan_tiles(tiles as u32, &counts).unwrap();
         assert_eq!(got.pairs, u32::MAX, "{tiles} tiles, {blocks} blocks of {each}");
     }
 }

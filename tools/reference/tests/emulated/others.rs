@@ -3,7 +3,6 @@
 use bytemuck::Zeroable;
 use glam::DVec3;
 
-use nvsprior::render::probe::SortPrecision;
 use nvsprior::tracking::{GaussNewtonOptions, Pyramid};
 use nvsprior::{Camera, Picture, residual};
 use nvsprior_emulator::{Dispatch, Module};
@@ -16,6 +15,7 @@ use nvsprior_kernels::search::{
 use nvsprior_kernels::shared::{
     CULLED, DERIVATIVES, GROUP, Groups, Params, PyramidLevel, PyramidLevels,
 };
+use nvsprior_reference::probe::{Probe, SortPrecision};
 
 use crate::chain::{Chain, Form, Settings, View};
 use crate::common::{self, Random, camera, random_frame, random_pose, random_prior};
@@ -113,7 +113,8 @@ fn pose_jacobian() {
     chain.run(&modules::pose_jacobian, Groups::of(&chain.params).splats, &[], &names);
     let scene = engine.upload(&prior).unwrap();
     let exact = SortPrecision::Exact;
-    let device = engine.probe().stages(&scene, &view.camera, &view.pose, 1 << 16, exact).unwrap();
+    let device =
+        Probe::of(&engine).stages(&scene, &view.camera, &view.pose, 1 << 16, exact).unwrap();
     assert!(chain.buffers["keys"] == device.keys);
     let seen = |i: &usize| device.keys[*i] != CULLED;
     let seen: Vec<usize> = (0..device.keys.len()).filter(seen).collect();

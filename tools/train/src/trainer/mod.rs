@@ -277,7 +277,7 @@ impl Trainer {
     /// Makes a trainer of splats.
     pub fn new(engine: &Engine, plan: &TrainingPlan) -> Result<Trainer, Error> {
         let key = PipelineKey { sh_degree: plan.sh_degree, clamped: true };
-        let (device, (kernels, scene_kernels)) = (engine.vulkan(), engine.kernels(&key)?);
+        let (device, scene_kernels) = (engine.vulkan(), engine.scene_kernels(&key)?);
         let count = plan.splats as usize;
         let own = |name, planes: u32| {
             Buffer::new::<f32>(device, name, count * 2 * planes as usize, Memory::Device)
@@ -294,7 +294,7 @@ impl Trainer {
         let (pairs, slots) = (first_pairs(splats.room), first_pairs(plan.splats));
         Ok(Trainer {
             device: device.clone(),
-            kernels,
+            kernels: engine.kernels().clone(),
             own: TrainingKernels::new(device, plan.sh_degree)?,
             bytes: Bytes::new(device, &levels)?,
             fixed: Fixed::new(device, plan, splats.room)?,

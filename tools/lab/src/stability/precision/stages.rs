@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use nvsprior::packet::{PoseProfile, QuantisedPose};
-use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, NormalEquations, Plan};
 use nvsprior_kernels::search;
 use nvsprior_kernels::shared::CULLED;
 use nvsprior_reference::Twin;
+use nvsprior_reference::probe::{Probe, SortPrecision};
 use nvsprior_reference::project::Projected;
 
 use super::sums::{jtr, solved};
@@ -94,7 +94,7 @@ fn projection(bench: &Bench, seen: &PriorView) -> anyhow::Result<Vec<Errors>> {
     let PriorView { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
     let stages =
-        bench.engine.probe().stages(&scene, camera, pose, 1 << 22, SortPrecision::Exact)?;
+        Probe::of(&bench.engine).stages(&scene, camera, pose, 1 << 22, SortPrecision::Exact)?;
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let projected = twin.project(&view);

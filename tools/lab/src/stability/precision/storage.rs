@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use nvsprior::Prior;
 use nvsprior::prior::Splats;
-use nvsprior::render::probe::SortPrecision;
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior_reference::Twin;
+use nvsprior_reference::probe::{Probe, SortPrecision};
 use nvsprior_reference::project::Projected;
 use nvsprior_reference::splat::{self, Hit, Pixel, blend_rows};
 
@@ -136,7 +136,7 @@ fn ordered(
 ) -> anyhow::Result<Vec<f32>> {
     let PriorView { prior, camera, pose } = seen;
     let scene = bench.engine.upload(prior)?;
-    let stages = bench.engine.probe().stages(&scene, camera, pose, 1 << 22, sort_precision)?;
+    let stages = Probe::of(&bench.engine).stages(&scene, camera, pose, 1 << 22, sort_precision)?;
     let twin = Twin::new(prior);
     let view = twin.view(camera, pose);
     let mut by_index: Vec<Option<Projected>> = vec![None; prior.len()];

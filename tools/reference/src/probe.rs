@@ -1,23 +1,20 @@
 //! Runs single stages and reads what they leave on the device: for tests and measurements.
 
-use crate::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, digit_bits};
-use crate::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
-use crate::{Camera, Pose};
+use nvsprior::parts::{
+    Bytes, CameraPose, LevelBuffers, Pass, Sort, Workspace, kernels, radix, stages,
+};
+use nvsprior::render::{Kernels, Scene};
+use nvsprior::vulkan::{Buffer, Device, Error, Memory, Recorder, Timing};
+use nvsprior::{Camera, Engine, Pose};
+use nvsprior_kernels::shared::{CULLED, Counters, DERIVATIVES, Groups, Params, RECORD, digit_bits};
 
-pub use super::radix::SortPrecision;
+pub use nvsprior::render::SortPrecision;
 
-use super::frame::Bytes;
-use super::levels::{LevelBuffers, Pass};
-use super::radix::Sort;
-use super::stages::{self, CameraPose};
-use super::workspace::Workspace;
-use super::{Kernels, Scene};
-
-/// Runs single stages of an engine: see [`Engine::probe`](crate::Engine::probe).
+/// Runs single stages of an engine: see [`Probe::of`].
 #[derive(Clone, Copy)]
 pub struct Probe<'a> {
-    pub(crate) device: &'a Device,
-    pub(crate) kernels: &'a Kernels,
+    device: &'a Device,
+    kernels: &'a Kernels,
 }
 
 /// What stage `bin_scan` makes of each block's pairs by tile.
@@ -50,7 +47,12 @@ pub struct Stages {
     pub ranges: Vec<[u32; 2]>,
 }
 
-impl Probe<'_> {
+impl<'a> Probe<'a> {
+    /// Of an engine.
+    pub fn of(engine: &'a Engine) -> Probe<'a> {
+        Probe { device: engine.vulkan(), kernels: engine.kernels() }
+    }
+
     /// The places of the keys in the order of their values, equal keys in the order of their places. [`CULLED`] keys
     /// are left out.
     pub fn sort(&self, keys: &[u32], sort_precision: SortPrecision) -> Result<Vec<u32>, Error> {
@@ -74,7 +76,7 @@ impl Probe<'_> {
         let counters = Buffer::from_slice(device, "counters", &[counters])?;
         let order = own("order", keys.len())?;
         let groups = Groups { sort_blocks: [1 << log_blocks, 1, 1], ..Groups::NONE };
-        let table = super::radix::histogram(log_blocks);
+        let table = radix::histogram(log_blocks);
         let histogram = own("digit histogram", table.words() as usize)?;
         let sort = Sort {
             sort_precision,
@@ -98,23 +100,23 @@ impl Probe<'_> {
 
     /// Logarithm, base 2, of the number of workgroups that share a sort of `keys` keys.
     pub fn log_sort_blocks(&self, keys: u32) -> u32 {
-        super::kernels::log_sort_blocks(self.device.info(), keys)
+        kernels::log_sort_blocks(self.device.info(), keys)
     }
 
     /// Logarithm, base 2, of the number of workgroups that share the binning of `splats` splats. Large pictures have
     /// fewer.
     pub fn log_bin_blocks(&self, splats: u32) -> u32 {
-        super::kernels::log_bin_blocks(self.device.info(), splats)
+        kernels::log_bin_blocks(self.device.info(), splats)
     }
 
     /// Rows of tiles of a band at most.
     pub fn band_rows(&self) -> u32 {
-        super::kernels::band_rows(self.device.info())
+        kernels::band_rows(self.device.info())
     }
 
     /// Tiles of a band at most.
     pub fn bin_table(&self) -> u32 {
-        super::kernels::bin_table(self.device.info())
+        kernels::bin_table(self.device.info())
     }
 
     /// Stage `bin_scan` alone, on blocks × tiles counts of one band.
@@ -165,14 +167,19 @@ impl Probe<'_> {
         sort_precision: SortPrecision,
     ) -> Result<Stages, Error> {
         let Probe { device, kernels } = *self;
-        let work = Workspace::new(device, &scene.splats, pair_capacity, true)?;
-        let mut levels = LevelBuffers::new(device, &scene.splats, camera, &[factor])?;
+        let work = Workspace::new(device, scene.splat_buffers(), pair_capacity, true)?;
+        let mut levels = LevelBuffers::new(device, scene.splat_buffers(), camera, &[factor])?;
         levels.ask(scene, 0, pair_capacity, pose);
 
         let mut recorder = Recorder::new(device, Timing::None)?;
         let bytes = &Bytes::new(device, &levels)?;
-        let stages =
-            stages::Stages { kernels, splats: &scene.splats, levels: &levels, work: &work, bytes };
+        let stages = stages::Stages {
+            kernels,
+            splats: scene.splat_buffers(),
+            levels: &levels,
+            work: &work,
+            bytes,
+        };
         stages.clear_sums(&mut recorder);
         recorder.copy_beside(&levels.params_asked, &levels.params);
         recorder.copy(&levels.groups_asked, &levels.groups);
@@ -180,7 +187,7 @@ impl Probe<'_> {
         stages.pose_jacobian(&mut recorder, Pass::Evaluation)?;
         recorder.finish()?.run()?;
         let counters = work.counters.fetch::<Counters>(device, 1)?[0];
-        let splats = scene.splats.room as usize;
+        let splats = scene.splat_buffers().room as usize;
         let pairs = counters.pairs_needed.min(pair_capacity) as usize;
         let Params { tiles_x, tiles_y, .. } = levels.sizes[0].params;
         let tiles = tiles_x * tiles_y;
