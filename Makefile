@@ -207,6 +207,7 @@ lint:
 	python3 scripts/arrows.py selftest
 	python3 scripts/arrows.py
 	python3 scripts/lines.py
+	python3 scripts/counts.py
 	python3 scripts/figures/tables.py check
 	python3 scripts/licences.py check
 	cargo fmt --all --check

@@ -64,7 +64,7 @@ impl Compared<'_> {
         let mut renderer = self.engine.renderer(&self.uploaded, camera, Plan::picture())?;
         let image = renderer.draw(pose)?.to_vec();
         if let Some(at) = first_difference(&host.image, &image) {
-            let (probe, room) = (Probe::of(&self.engine), 1 << 22);
+            let (probe, room) = (Probe::of(self.engine), 1 << 22);
             let stages = probe.stages(&self.uploaded, camera, pose, room, SortPrecision::Exact)?;
             return Ok(Err(stage_of(&host, &stages, &image, at)));
         }
