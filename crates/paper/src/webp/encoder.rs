@@ -3,7 +3,7 @@
 use nvsprior::residual::{add, difference, max_payload_len};
 use nvsprior::{Picture, Rate};
 
-use super::Webp;
+use super::{Payload, Webp};
 use crate::error::WebpError;
 
 /// Steps of the bisection. Libwebp has 128 quantisers, so seven steps tell them all apart.
@@ -31,15 +31,6 @@ pub struct Coded<'a> {
     pub psnr: f64,
     /// Whether the rate was kept.
     pub reached: bool,
-}
-
-/// A difference picture by WebP.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Payload<'a> {
-    /// It is a whole WebP file, not one without what a packet says anyway.
-    pub whole: bool,
-    /// Its bytes.
-    pub bytes: &'a [u8],
 }
 
 #[derive(Clone, Copy)]

@@ -18,7 +18,7 @@ use nvsprior::residual::max_payload_len;
 
 use crate::error::WebpError;
 use crate::libwebp::{Arena, Lossy, decode_rgb, encode_rgb, features};
-pub use encoder::{Coded, Payload, WebpEncoder};
+pub use encoder::{Coded, WebpEncoder};
 
 /// Bytes of the container, and of the frame tag after it.
 const CONTAINER_LEN: usize = 20;
@@ -26,6 +26,15 @@ const TAG_LEN: usize = 3;
 const START_CODE: [u8; 3] = [0x9D, 0x01, 0x2A];
 /// Libwebp's slowest and best search.
 const METHOD: u8 = 6;
+
+/// A difference picture by WebP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Payload<'a> {
+    /// It is a whole WebP file, not one without what a packet says anyway.
+    pub whole: bool,
+    /// Its bytes.
+    pub bytes: &'a [u8],
+}
 
 /// Libwebp with all the memory that pictures of one size need.
 pub struct Webp {
