@@ -13,6 +13,7 @@ mod exposure;
 mod film;
 mod growth;
 mod lamp;
+mod light;
 mod material;
 mod medium;
 mod night;
@@ -49,7 +50,7 @@ use scene::Scene;
 use sensor::Disturbance;
 use trace::Rays;
 use trajectory::tower::MAPPING_STEP;
-use water::Light;
+use light::Light;
 
 /// The camera of all runs, unless another width is asked for: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
 pub const CAMERA: Camera =
