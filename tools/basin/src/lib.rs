@@ -201,6 +201,7 @@ fn draw(
 mod tests {
     use super::solid::{Group, Material};
     use super::*;
+    use nvsprior::Picture;
 
     /// Nothing but the scene and the water.
     const STILL: Conditions = Conditions { caustics: 0.0, snow: 0, noise: 0.0 };
