@@ -14,7 +14,8 @@ pub const HALF_PLAN: [f32; 2] = [1.95, 2.3];
 /// Height of the structure, metres.
 pub const STRUCTURE_HEIGHT: f32 = 3.0;
 /// Lower and upper corner of the water body.
-pub const BASIN: (Vec3, Vec3) = (Vec3::new(-6.2, -6.6, 0.0), Vec3::new(6.2, 6.6, 5.6));
+pub const BASIN: (Vec3, Vec3) =
+    (Vec3::new(-6.2, -6.6, 0.0), Vec3::new(6.2, 6.6, Water::BASIN.surface));
 
 pub const BARREL_RADIUS: f32 = 0.29;
 const BARREL_HEIGHT: f32 = 0.92;

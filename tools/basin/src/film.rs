@@ -6,6 +6,7 @@ use glam::Vec3;
 use nvsprior::{Camera, Pose};
 
 use super::exposure::{AutoExposure, Exposure};
+use super::frame::{Conditions, DemoFrame};
 use super::night::{self, Drawn};
 use super::noise::{Stream, hash};
 use super::response::Response;
@@ -13,7 +14,6 @@ use super::rig::Rig;
 use super::scene::Scene;
 use super::snow;
 use super::trace::Rays;
-use super::{Conditions, DemoFrame};
 
 /// A dive as a camera takes it.
 pub struct Film {

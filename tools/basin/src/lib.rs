@@ -11,8 +11,10 @@ mod chain;
 mod export;
 mod exposure;
 mod film;
+mod frame;
 mod growth;
 mod lamp;
+mod light;
 mod material;
 mod medium;
 mod night;
@@ -24,6 +26,7 @@ mod run;
 mod safety_line;
 mod scene;
 mod sensor;
+mod site;
 mod snow;
 mod solid;
 mod survey;
@@ -32,24 +35,25 @@ mod trace;
 mod trajectory;
 mod water;
 
-use std::ops::Range;
-
-use nvsprior::{Camera, Picture, Pose};
+use nvsprior::{Camera, Pose};
 
 pub use export::write_run;
+pub use frame::{Conditions, DemoFrame};
 pub use rig::{Lamps, Rig, RigCamera};
 pub use run::{Dive, Run};
+pub use site::Site;
 pub use survey::{COURSE, Filmed, survey, survey_lens};
 pub use trajectory::FRAME_RATE;
 pub use trajectory::tower::Course;
 
 use film::Film;
+use frame::drawn;
+use light::Light;
 use nvsprior::random::Random;
 use scene::Scene;
 use sensor::Disturbance;
 use trace::Rays;
 use trajectory::tower::MAPPING_STEP;
-use water::Light;
 
 /// The camera of all runs, unless another width is asked for: 320 × 180 pixels, 70° wide (`fx = 160 / tan 35°`).
 pub const CAMERA: Camera =
@@ -63,84 +67,6 @@ pub fn camera_of_width(width: u32) -> Camera {
 /// The prior: trained from the pictures of the mapping run M1 by `nvsprior map` (`make demo-prior`), .nvsg. Its doubt
 /// is in it.
 pub const PRIOR: &[u8] = include_bytes!("../prior.nvsg");
-
-/// A place with a mapping run and inspection runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Site {
-    /// An indoor basin with a structure of oil barrels.
-    Basin,
-    /// A harbour's wall of sheet piles, in green water.
-    Quay,
-    /// Three structures of oil barrels in a long basin.
-    Row,
-    /// A steel lattice tower in black water, in the light of the vehicle's own lamps.
-    Tower,
-}
-
-impl Site {
-    pub const ALL: [Site; 4] = [Site::Basin, Site::Quay, Site::Row, Site::Tower];
-
-    pub fn mapping_run_name(self) -> &'static str {
-        match self {
-            Site::Basin => "M1",
-            Site::Quay => "M2",
-            Site::Row => "M3",
-            Site::Tower => "M4",
-        }
-    }
-
-    /// Whether the vehicle brings its own light. Such a site has a choice of rig and course.
-    pub fn has_lamps(self) -> bool {
-        self == Site::Tower
-    }
-
-    fn mapped(self) -> Scene {
-        match self {
-            Site::Basin => basin::mapped(),
-            Site::Quay => quay::mapped(),
-            Site::Row => basin::row(),
-            Site::Tower => tower::mapped(),
-        }
-    }
-
-    /// Of the whole mapping run; at the tower, of the rig's first camera.
-    fn mapping_poses(self) -> Vec<Pose> {
-        match self {
-            Site::Basin => trajectory::basin::mapping_poses(),
-            Site::Quay => trajectory::quay::mapping_poses(),
-            Site::Row => trajectory::basin::row_mapping_poses(),
-            Site::Tower => Course::Both.poses(),
-        }
-    }
-}
-
-/// What may make a frame differ from the still scene.
-#[derive(Clone, Copy, Debug)]
-pub struct Conditions {
-    /// Height of the moving caustics relative to the direct light.
-    pub caustics: f32,
-    /// Specks of marine snow in each frame.
-    pub snow: u32,
-    /// Standard deviation of the sensor's noise, in steps of the 8-bit picture.
-    pub noise: f32,
-}
-
-impl Conditions {
-    /// Calm water with little in it.
-    pub const CALM: Conditions = Conditions { caustics: 0.10, snow: 6, noise: 1.0 };
-}
-
-#[derive(Clone, Debug)]
-pub struct DemoFrame {
-    /// File name without folder, such as `0001.png`.
-    pub name: String,
-    /// What the camera saw.
-    pub picture: Picture,
-    /// Where the camera truly was.
-    pub pose: Pose,
-    /// Seconds since the run began.
-    pub time: f64,
-}
 
 /// The frames of a site's mapping run, each drawn when asked for. The tower's: on both courses, by the first rig.
 pub fn mapping_run(site: Site, conditions: Conditions) -> impl ExactSizeIterator<Item = DemoFrame> {
@@ -252,37 +178,6 @@ pub fn random_views(
 
 const VIEWS_SEED: u64 = 11;
 
-/// Draws a frame by its index. Each is asked for once at most, in their order.
-type DrawFrame = Box<dyn FnMut(usize) -> DemoFrame>;
-
-/// Frames by their index. Those that are passed over (`skip`, `nth`) are not drawn.
-struct Frames {
-    indices: Range<usize>,
-    draw: DrawFrame,
-}
-
-fn drawn(frames: usize, draw: DrawFrame) -> Frames {
-    Frames { indices: 0..frames, draw }
-}
-
-impl Iterator for Frames {
-    type Item = DemoFrame;
-
-    fn next(&mut self) -> Option<DemoFrame> {
-        self.nth(0)
-    }
-
-    fn nth(&mut self, n: usize) -> Option<DemoFrame> {
-        self.indices.nth(n).map(&mut self.draw)
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        self.indices.size_hint()
-    }
-}
-
-impl ExactSizeIterator for Frames {}
-
 fn draw(
     scene: &Scene,
     camera: &Camera,
@@ -306,6 +201,7 @@ fn draw(
 mod tests {
     use super::solid::{Group, Material};
     use super::*;
+    use nvsprior::Picture;
 
     /// Nothing but the scene and the water.
     const STILL: Conditions = Conditions { caustics: 0.0, snow: 0, noise: 0.0 };

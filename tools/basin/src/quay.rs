@@ -12,7 +12,7 @@ use super::solid::{Group, Material, Shape, Solid};
 use super::water::Water;
 
 /// Depth of the water, metres.
-pub const DEPTH: f32 = 5.4;
+pub const DEPTH: f32 = Water::HARBOUR.surface;
 /// Half the length of the wall. No camera sees its ends.
 const HALF_LENGTH: f32 = 14.4;
 /// Length of a corrugation of the wall, and its depth.

@@ -5,10 +5,10 @@ use glam::DVec2;
 use nvsprior::Picture;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens, LensError};
 
+use super::light::Light;
 use super::sensor::{self, Disturbance};
 use super::trace::{self, Rays};
 pub use super::trajectory::quay::Filmed;
-use super::water::Light;
 use super::{Conditions, DemoFrame, quay};
 
 /// Seconds after which the course has come back to where it began; then it begins again.

@@ -4,10 +4,11 @@ use glam::{Mat3, Vec2, Vec3};
 use nvsprior::{Camera, Pose};
 use rayon::prelude::*;
 
+use super::light::Light;
 use super::material::{Spot, albedo};
 use super::scene::Scene;
 use super::solid::Ray;
-use super::water::{LAMP_COUNT, Light};
+use super::water::LAMP_COUNT;
 
 /// Samples per pixel: a 2 × 2 grid, each lit by a lamp of its own.
 const SAMPLES: [(f32, f32); LAMP_COUNT] = [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)];

@@ -6,14 +6,14 @@ mod footage;
 mod region;
 mod report;
 mod sent;
+mod setting;
 mod simulation;
 mod video;
 
 use std::path::PathBuf;
 
 use nvsprior::image::Preprocessor;
-use nvsprior::residual::Tune;
-use nvsprior::{EncoderOptions, Mode, Picture};
+use nvsprior::{Mode, Picture};
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::keys::KeyArgs;
@@ -21,15 +21,13 @@ use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
 use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::keys::Keys;
-use nvsprior_link::modem::{Loss, MIN_CHECKED_MTU, MIN_MTU, Protection};
-use nvsprior_link::{
-    LinkError, Pacing, Playout, TopsideLink, TopsideOptions, VehicleLink, VehicleOptions,
-};
+use nvsprior_link::modem::{Loss, MIN_MTU};
+use nvsprior_link::{LinkError, TopsideLink, VehicleLink};
 
-use crate::channel::ChannelOptions;
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
 use report::LinkRun;
+use setting::Setting;
 use simulation::Simulation;
 use video::{Coder, Video};
 
@@ -169,39 +167,6 @@ pub struct LabArgs {
     pull: Option<f64>,
 }
 
-/// A channel and its use, all defaults filled in.
-#[derive(Clone, Debug)]
-struct Setting {
-    mode: Mode,
-    tune: Tune,
-    bit_rate: f64,
-    mtu: usize,
-    overhead: usize,
-    propagation: f64,
-    loss: Loss,
-    reorder: f64,
-    blackout: f64,
-    assumed: Loss,
-    spread: f64,
-    return_delay: Option<f64>,
-    /// Seconds between two reports.
-    report_every: f64,
-    /// Poses are predicted from those that the topside holds.
-    predict_poses: bool,
-    half_duplex: bool,
-    /// Those that both sides hold.
-    keys: Option<Keys>,
-    latency: f64,
-    coding: f64,
-    fps: f64,
-    frame_rate: f64,
-    min_bytes: usize,
-    shares: Option<usize>,
-    /// Part of the link's modem frames that are asked of the vehicle; `None`: it goes by the bit rate.
-    pull: Option<f64>,
-    seed: u64,
-}
-
 /// Bytes of a good picture, and of the prior at a pose, all counted.
 const GOOD_PICTURE: usize = 40;
 const BARE_PICTURE: usize = 24;
@@ -209,15 +174,6 @@ const BARE_PICTURE: usize = 24;
 const CODING: f64 = 0.1;
 /// Seconds from exposure to display.
 const LATENCY: f64 = 1.5;
-/// Packets that the topside holds.
-const PACKETS: usize = 64;
-/// Seconds on either side of a frame that did not come, between which its pose is looked for: at least so many, and as
-/// many as lie between two pictures of a slow link.
-const REACH: f64 = 1.0;
-/// A packet may take longer than its fewest bytes do, by so much.
-const SLOWER: f64 = 1.5;
-/// Camera frames after which a packet is stale at the latest: shares name frames modulo 256.
-const STALE: f64 = 120.0;
 /// Times that a picture takes on the link for which its latency has room: those before it may take longer.
 const ROOM: f64 = 1.5;
 
@@ -279,77 +235,6 @@ impl LinkArgs {
         VehicleLink::new(&setting.vehicle())?;
         TopsideLink::new(&setting.topside())?;
         Ok(setting)
-    }
-}
-
-impl Setting {
-    fn vehicle(&self) -> VehicleOptions {
-        VehicleOptions {
-            pacing: match self.pull {
-                Some(_) => Pacing::Pull,
-                None => Pacing::Rate(self.bit_rate),
-            },
-            overhead: self.overhead,
-            latency: self.latency,
-            delay: self.coding + self.propagation,
-            spread: Some(self.spread),
-            picture_rate: Some(self.frame_rate),
-            min_bytes: self.min_bytes,
-            max_shares: self.shares,
-            loss: self.assumed,
-            protection: match self.mtu {
-                ..MIN_CHECKED_MTU => Protection::None,
-                MIN_CHECKED_MTU.. => Protection::Layers,
-            },
-            expect_reports: self.return_delay.is_some(),
-            state_poses: !self.predict_poses,
-            has_stamps: false,
-            keys: self.keys.clone(),
-            ..VehicleOptions::new(self.mtu, self.bit_rate, self.fps)
-        }
-    }
-
-    /// [`Footage`] has its frames treated.
-    fn encoder(&self, threshold: f64) -> EncoderOptions {
-        let (mode, tune) = (self.mode, self.tune);
-        EncoderOptions { threshold, frames_treated: true, mode, tune, ..Default::default() }
-    }
-
-    /// Seconds on either side of a frame that did not come, between which its pose is looked for.
-    fn reach(&self) -> f64 {
-        REACH.max(SLOWER * 8.0 * self.min_bytes as f64 / (self.bit_rate * self.pull.unwrap_or(1.0)))
-    }
-
-    /// The same in camera frames.
-    fn reach_frames(&self) -> u32 {
-        ((self.reach() * self.fps) as u32).clamp(1, PACKETS as u32 / 2 - 1)
-    }
-
-    fn topside(&self) -> TopsideOptions {
-        TopsideOptions {
-            playout: Playout::OnDemand,
-            max_shares: self.shares,
-            packets: PACKETS,
-            age: Some((self.latency + 2.0 * self.reach()).min(STALE / self.fps)),
-            // The simulation asks when it wants one.
-            report_every: Some(0.0),
-            keys: self.keys.clone(),
-            ..TopsideOptions::new(self.mtu)
-        }
-    }
-
-    /// The channel, for a run of so many seconds.
-    fn channel(&self, seconds: f64) -> ChannelOptions {
-        let middle = seconds / 2.0;
-        ChannelOptions {
-            bit_rate: self.bit_rate,
-            overhead: self.overhead,
-            propagation: self.propagation,
-            loss: self.loss,
-            reorder: self.reorder,
-            blackout: [middle, middle + self.blackout],
-            seed: self.seed,
-        }
     }
 }
 
@@ -442,39 +327,4 @@ fn compare(
         run.beside.extend(video.beside(run, frames)?);
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// 4 kbit/s over 0.25 s, without losses.
-    pub fn setting() -> Setting {
-        Setting {
-            mode: Mode::Intra,
-            tune: Tune::Psnr,
-            bit_rate: 4_000.0,
-            mtu: 64,
-            overhead: 0,
-            propagation: 0.25,
-            loss: Loss::NONE,
-            reorder: 0.0,
-            blackout: 0.0,
-            assumed: Loss::NONE,
-            spread: 0.0,
-            return_delay: None,
-            report_every: 1.0,
-            predict_poses: true,
-            half_duplex: false,
-            keys: None,
-            latency: 1.5,
-            coding: 0.1,
-            fps: 10.0,
-            frame_rate: 5.0,
-            min_bytes: 40,
-            shares: Some(16),
-            pull: None,
-            seed: 1,
-        }
-    }
 }

@@ -178,19 +178,6 @@ impl RateArgs {
     }
 }
 
-/// Fails if a frame's time lies before that of an earlier one.
-fn check_times(frames: &[Input]) -> anyhow::Result<()> {
-    let times = frames.iter().filter_map(|frame| Some((&frame.file, frame.external.time?)));
-    for ((before, earlier), (file, time)) in times.clone().zip(times.skip(1)) {
-        anyhow::ensure!(
-            time >= earlier,
-            "{file}: its time, {time} s, lies before that of an earlier frame, {before}, {earlier} s; \
-             the order of frames is that of \"index\", and --split takes one run of several"
-        );
-    }
-    Ok(())
-}
-
 /// Makes the folders, and finds out before any work whether the files can be written.
 fn check_outputs(args: &Args) -> Result<(), OutputError> {
     values::make_folder("--packets", &args.packets)?;
@@ -211,7 +198,7 @@ fn check_outputs(args: &Args) -> Result<(), OutputError> {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let keys = args.key.open()?;
-    let mut frames = Frames::open(args)?;
+    let mut frames = Frames::open(&args.prior, &args.input, &args.video)?;
     check_outputs(args)?;
     let mode = args.mode.mode(false)?;
     let camera = frames.camera();

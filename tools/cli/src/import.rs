@@ -6,7 +6,7 @@ use nvsprior::prior::{compact, replace_file};
 use nvsprior_inputs::args::OverrideArgs;
 use nvsprior_inputs::values;
 
-use crate::row;
+use nvsprior_inputs::report::row;
 
 /// Write a foreign prior as .nvsg, with its splats as they are
 ///

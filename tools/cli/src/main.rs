@@ -33,11 +33,6 @@ use nvsprior_channel::link;
 use nvsprior_console::{channel, console, vehicle};
 use nvsprior_inputs::values::WrongUsage;
 
-/// Prints a line of a report: a name, and what there is to say of it.
-fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
-}
-
 /// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
 ///
 /// Vehicle and topside hold the same trained scene. For each frame, `encode` finds the pose at which the scene looks

@@ -1,5 +1,6 @@
 //! `nvsprior map`: a prior trained on the device from the posed pictures of a mapping run.
 
+mod budget;
 mod course;
 mod from;
 mod inputs;
@@ -12,6 +13,7 @@ mod shown;
 mod sides;
 mod structure;
 mod video;
+mod worth;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -31,16 +33,18 @@ use nvsprior_train::mapper::{MapOptions, Mapper};
 use crate::container::{Container, FINENESS};
 use crate::picture_renderer::{PictureRenderer, timed};
 use crate::prior_file::PriorFile;
-use course::{Budget, Course};
+use budget::Budget;
+use course::Course;
 use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
 use parts::PartsRun;
-use rehearsal::{Rehearsal, Worth};
+use rehearsal::Rehearsal;
 use report::{Found, Report};
 use saved::Saved;
 use sides::Sides;
 use structure::{Search, StructureArgs};
 use video::VideoArgs;
+use worth::Worth;
 
 /// Train a prior from posed pictures
 ///

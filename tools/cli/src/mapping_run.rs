@@ -7,7 +7,7 @@ use nvsprior_inputs::args::{DeviceArgs, SizeArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_train::coder_tables::Pair;
 
-use crate::row;
+use nvsprior_inputs::report::row;
 
 #[derive(clap::Args)]
 pub struct MappingRunArgs {

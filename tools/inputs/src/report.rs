@@ -136,6 +136,11 @@ pub fn between<'a>(document: &'a str, begin: &str, end: &str) -> Option<&'a str>
     Some(&document[start..stop])
 }
 
+/// Prints a line of a report: a name, and what there is to say of it.
+pub fn row(name: &str, value: String) {
+    println!("{name:14} {value}");
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,7 +4,7 @@ use glam::{IVec2, Vec2, Vec3};
 
 use super::super::noise::{fractal, hash, hash_cell, unit};
 use super::super::solid::Shape;
-use super::{Spot, band, grid, grime, joints};
+use super::texture::{Spot, band, grid, grime, joints};
 
 pub fn floor(spot: &Spot) -> Vec3 {
     let p = spot.position.truncate();

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::super::growth::{progress, thickness};
 use super::super::noise::{fractal, hash, unit};
 use super::super::solid::Material;
-use super::{Spot, ramp, specks};
+use super::texture::{Spot, ramp, specks};
 
 /// A surface with what has grown on it. Without a week gone by, the surface itself.
 pub fn grown(spot: &Spot, bare: Vec3) -> Vec3 {

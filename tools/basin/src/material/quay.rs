@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::super::noise::{fractal, hash_cell, unit};
 use super::super::quay::DEPTH;
-use super::{Spot, band, grime, ramp, specks};
+use super::texture::{Spot, band, grime, ramp, specks};
 
 /// What has grown on a surface since it was put there.
 fn grown(spot: &Spot, bare: Vec3) -> Vec3 {

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::super::noise::{fractal, hash, unit};
 use super::super::solid::Material;
-use super::{Spot, grime, ramp, specks};
+use super::texture::{Spot, grime, ramp, specks};
 
 /// A worn coating under a film, with tubes of worms and small anemones.
 pub fn coated(spot: &Spot) -> Vec3 {

@@ -2,7 +2,7 @@
 
 use crate::channel::{Channel, Sent};
 
-use super::Setting;
+use super::setting::Setting;
 
 pub struct LoggedChannel {
     channel: Channel,
@@ -50,7 +50,7 @@ impl LoggedChannel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::tests::setting;
+    use crate::link::setting::tests::setting;
 
     #[test]
     fn a_channel_that_is_never_free_carries_its_bit_rate() {

@@ -6,10 +6,10 @@ use std::path::Path;
 use nvsprior_link::Recalled;
 use serde::Serialize;
 
-use super::Setting;
 use super::region::RegionPsnr;
 use super::sent::{PacketBytes, SentPacket};
-use super::video::Beside;
+use super::setting::Setting;
+use super::video::Coder;
 use nvsprior_inputs::report::{Table, fixed, write_json};
 
 /// What the pilot sees of a camera frame.
@@ -39,6 +39,22 @@ pub struct LinkRun {
     pub worst_second: f64,
     /// Video coders on the same channel.
     pub beside: Vec<Beside>,
+}
+
+/// What a video coder came to at a setting: at the best of all its frame rates and qualities.
+#[derive(Serialize)]
+pub struct Beside {
+    pub coder: Coder,
+    pub fps: f64,
+    pub crf: u32,
+    /// Of what the pilot sees at each camera frame, pictures that are held included, dB.
+    pub shown_psnr: f64,
+    /// Mean bytes of a picture on the link but the first, headers and parity included.
+    pub bytes: f64,
+    #[serde(rename = "sent_frames")]
+    pub sent: usize,
+    #[serde(rename = "lost_frames")]
+    pub lost: usize,
 }
 
 fn name(shown: Recalled) -> &'static str {

@@ -12,11 +12,11 @@ use nvsprior_link::keys::Keys;
 use nvsprior_link::modem::Division;
 use nvsprior_link::{CameraFrame, Recalled, Topside, Vehicle};
 
-use super::Setting;
 use super::channel::LoggedChannel;
 use super::footage::Footage;
 use super::report::{LinkRun, Moment};
 use super::sent::{PacketBytes, SentPacket};
+use super::setting::{PACKETS, Setting};
 
 /// What happens at a time.
 enum Event {
@@ -248,7 +248,7 @@ impl<'a> Simulation<'a> {
     fn repaired(&mut self) -> u64 {
         let newest = self.pictures.last_key_value().map_or(0, |(newest, _)| *newest);
         let link = self.topside.link();
-        let recent = newest.saturating_sub(super::PACKETS as u32 - 1)..=newest;
+        let recent = newest.saturating_sub(PACKETS as u32 - 1)..=newest;
         let repaired = recent.filter(|number| {
             link.packet(*number)
                 .is_some_and(|packet| packet.complete && Some(packet.arrived) < packet.sent)

@@ -4,39 +4,12 @@ mod coder;
 mod unit;
 
 use crate::channel::Channel;
-use clap::ValueEnum;
 use nvsprior::Picture;
-use serde::Serialize;
 
-use super::Setting;
-use super::report::LinkRun;
+use super::report::{Beside, LinkRun};
+use super::setting::Setting;
 use coder::Coded;
-
-/// Video coders that can be compared with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Coder {
-    /// HEVC, gradual intra refresh
-    X265,
-    /// AV1, a key frame every two seconds
-    SvtAv1,
-}
-
-/// What a video coder came to at a setting: at the best of all its frame rates and qualities.
-#[derive(Serialize)]
-pub struct Beside {
-    pub coder: Coder,
-    pub fps: f64,
-    pub crf: u32,
-    /// Of what the pilot sees at each camera frame, pictures that are held included, dB.
-    pub shown_psnr: f64,
-    /// Mean bytes of a picture on the link but the first, headers and parity included.
-    pub bytes: f64,
-    #[serde(rename = "sent_frames")]
-    pub sent: usize,
-    #[serde(rename = "lost_frames")]
-    pub lost: usize,
-}
+pub use coder::Coder;
 
 /// Camera frames for each frame of the video.
 const DIVISORS: [usize; 7] = [1, 2, 3, 5, 8, 15, 30];

@@ -2,10 +2,9 @@
 
 use anyhow::Context;
 use nvsprior::{Camera, Picture};
-use nvsprior_inputs::input::Input;
-use nvsprior_inputs::video_input::VideoFrames;
-
-use super::{Args, check_times};
+use nvsprior_inputs::args::PriorArgs;
+use nvsprior_inputs::input::{Input, InputArgs};
+use nvsprior_inputs::video_input::{VideoFrames, VideoInputArgs};
 
 pub enum Frames {
     Files(std::vec::IntoIter<Input>),
@@ -13,16 +12,20 @@ pub enum Frames {
 }
 
 impl Frames {
-    pub fn open(args: &Args) -> anyhow::Result<Frames> {
+    pub fn open(
+        prior: &PriorArgs,
+        input: &InputArgs,
+        video: &VideoInputArgs,
+    ) -> anyhow::Result<Frames> {
         let lens = || {
-            let file = args.prior.prior.display();
-            let lens = args.prior.lens()?;
+            let file = prior.prior.display();
+            let lens = prior.lens()?;
             lens.with_context(|| format!("{file}: it states no lens; give --cameras"))
         };
-        if let Some(video) = args.video.frames(&args.input, lens)? {
-            return Ok(Frames::Video(Box::new(video)));
+        if let Some(frames) = video.frames(input, lens)? {
+            return Ok(Frames::Video(Box::new(frames)));
         }
-        let frames = args.input.frames()?;
+        let frames = input.frames()?;
         check_times(&frames)?;
         Ok(Frames::Files(frames.into_iter()))
     }
@@ -62,4 +65,17 @@ impl Frames {
             Frames::Video(frames) => frames.next_frame(),
         }
     }
+}
+
+/// Fails if a frame's time lies before that of an earlier one.
+fn check_times(frames: &[Input]) -> anyhow::Result<()> {
+    let times = frames.iter().filter_map(|frame| Some((&frame.file, frame.external.time?)));
+    for ((before, earlier), (file, time)) in times.clone().zip(times.skip(1)) {
+        anyhow::ensure!(
+            time >= earlier,
+            "{file}: its time, {time} s, lies before that of an earlier frame, {before}, {earlier} s; \
+             the order of frames is that of \"index\", and --split takes one run of several"
+        );
+    }
+    Ok(())
 }

@@ -6,9 +6,9 @@ use nvsprior_train::removal::{Removal, max_needed, removals};
 
 use crate::mission::{Mission, places, spaced};
 use crate::picture_renderer::{PictureRenderer, compare_times};
-use crate::row;
 use crate::view_set::{ViewSet, expected_loss};
 use nvsprior_inputs::args::DeviceArgs;
+use nvsprior_inputs::report::row;
 
 /// Views of a mission that are looked at.
 const VIEWS: usize = 12;

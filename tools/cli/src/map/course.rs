@@ -6,24 +6,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use nvsprior_inputs::estimate::range;
 use nvsprior_train::mapper::Mapper;
 
+use super::budget::Budget;
 use super::report::Report;
-
-#[derive(Clone, Copy, Debug)]
-pub enum Budget {
-    Iterations(u32),
-    /// Seconds on the clock.
-    Seconds(f64),
-}
-
-impl Budget {
-    /// A share of it.
-    pub fn times(self, share: f64) -> Budget {
-        match self {
-            Budget::Iterations(all) => Budget::Iterations((f64::from(all) * share).ceil() as u32),
-            Budget::Seconds(all) => Budget::Seconds(all * share),
-        }
-    }
-}
 
 /// How a training goes on.
 pub struct Course<'a> {

@@ -14,7 +14,7 @@ use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use rayon::prelude::*;
 
-use super::course::Budget;
+use super::budget::Budget;
 
 /// Where the pictures, their poses and the scene's points are.
 #[derive(clap::Args)]

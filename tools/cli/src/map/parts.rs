@@ -14,7 +14,7 @@ use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
 use nvsprior_train::parts::{Cells, Parts, View, places, points_of_splats};
 
-use super::course::Budget;
+use super::budget::Budget;
 use super::inputs::{self, Listed};
 use super::report::{Found, Poses};
 use super::{Args, Training, forward_seconds, memory, saved};

@@ -9,20 +9,21 @@
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use nvsprior::prior::{Extras, PoseTrials, Splats};
+use nvsprior::prior::{Extras, Splats};
 use nvsprior::{Camera, Engine, Pose, Prior};
 use nvsprior_inputs::args::progress;
 use nvsprior_train::PosedPicture;
 use nvsprior_train::key_frames::{ANGLE, Sample, Thinned};
 use nvsprior_train::mapper::{ColouredPoint, MapOptions, Mapper};
 use nvsprior_train::parallax::orbited;
-use nvsprior_train::pose_trials::{Tried, try_poses};
-use serde_json::{Value, json};
+use nvsprior_train::pose_trials::try_poses;
 
 use crate::picture_renderer::PictureRenderer;
 
-use super::course::{Budget, Course};
+use super::budget::Budget;
+use super::course::Course;
 use super::report::Report;
+use super::worth::Worth;
 
 /// Fewer pictures give no stretches to hold out.
 const LEAST: usize = 12;
@@ -35,26 +36,12 @@ const TRIED: usize = 16;
 /// about them around what the picture shows, degrees.
 const BESIDE: [(DVec3, f64); 4] =
     [(DVec3::Y, 10.0), (DVec3::X, 8.0), (DVec3::Y, -10.0), (DVec3::X, -8.0)];
-/// If fewer of the searches than this are certain, or poses are further off than this part of the depth of the scene in
-/// one of ten cases, a dive gets a warning.
-const FOUND: f64 = 0.8;
-const FAR: f64 = 0.03;
 
 pub struct Rehearsal<'a> {
     pub engine: &'a Engine,
     pub options: &'a MapOptions,
     /// `None`: none is wanted.
     pub budget: Option<Budget>,
-}
-
-/// What a rehearsal came to.
-pub struct Worth {
-    pub tried: Tried,
-    /// Of pictures from beside the run.
-    beside: Tried,
-    /// How far away what the run shows is, the prior's unit.
-    depth: f64,
-    seconds: f64,
 }
 
 impl Rehearsal<'_> {
@@ -143,71 +130,6 @@ fn is_held_out(index: usize, pictures: usize) -> bool {
         || index >= pictures - end
         || in_stretch(pictures / 3 - stretch / 2)
         || in_stretch(2 * pictures / 3 - stretch / 2)
-}
-
-impl Worth {
-    /// All trials, as a prior holds them.
-    pub fn trials(&self) -> PoseTrials {
-        PoseTrials::new(self.all().trials).unwrap_or_default()
-    }
-
-    pub fn json(&self) -> Value {
-        let mut all = summary(&self.all());
-        all["on_track"] = summary(&self.tried);
-        all["beside"] = summary(&self.beside);
-        // How many times further off than an encoder would state by itself.
-        all["doubt"] = json!(self.trials().doubt());
-        all["depth"] = json!(self.depth);
-        all["seconds"] = json!(self.seconds);
-        all
-    }
-
-    fn all(&self) -> Tried {
-        Tried {
-            trials: [&self.tried.trials[..], &self.beside.trials].concat(),
-            searches: self.tried.searches + self.beside.searches,
-        }
-    }
-
-    fn print(&self) {
-        for (place, tried) in [("on the run's track", &self.tried), ("beside it", &self.beside)] {
-            println!("poses of a dive {place}: {}", described(tried));
-        }
-        println!("the rehearsal took {:.0} s", self.seconds);
-        let far = self.all().off(0.9).is_none_or(|(most, _)| most > FAR * self.depth);
-        if far || self.all().certain() < FOUND {
-            tell!(
-                "warning: this run does not determine where a camera is; pictures from more sides help: fly arcs \
-                 around what is inspected, not towards it alone"
-            );
-        }
-    }
-}
-
-fn described(tried: &Tried) -> String {
-    let (Some(half), Some(most)) = (tried.off(0.5), tried.off(0.9)) else {
-        return "none is found".into();
-    };
-    format!(
-        "off by {:.3} and {:.2}° (half of the cases), {:.3} and {:.2}° (nine of ten); certain in {:.0} %",
-        half.0,
-        half.1,
-        most.0,
-        most.1,
-        100.0 * tried.certain()
-    )
-}
-
-fn summary(tried: &Tried) -> Value {
-    let (half, most) = (tried.off(0.5).unzip(), tried.off(0.9).unzip());
-    json!({
-        "position": half.0,
-        "position_90": most.0,
-        "rotation_degrees": half.1,
-        "rotation_90_degrees": most.1,
-        "certain": tried.certain(),
-        "searches": tried.searches,
-    })
 }
 
 #[cfg(test)]

@@ -14,8 +14,8 @@ use serde_json::{Value, json};
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
 use super::inputs::HeldOut;
-use super::rehearsal::Worth;
 use super::sides::Sides;
+use super::worth::Worth;
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
 /// Steps whose time counts: the last ones, with all splats in use.

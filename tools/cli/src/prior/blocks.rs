@@ -11,8 +11,8 @@ use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{Besides, Extras, KeyFrames, Splats};
 
 use crate::container::{FINENESS, check_not_over};
-use crate::row;
 use nvsprior_inputs::args::{OverrideArgs, progress};
+use nvsprior_inputs::report::row;
 use nvsprior_inputs::values;
 
 /// Write priors as one prior in blocks, of which `--prior-memory` loads what cameras see

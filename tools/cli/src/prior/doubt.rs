@@ -15,7 +15,7 @@ use nvsprior_train::doubt::doubt_of;
 
 use crate::picture_renderer::PictureRenderer;
 use crate::prior_file::PriorFile;
-use crate::row;
+use nvsprior_inputs::report::row;
 
 /// Write how far a prior's picture may be off, from the pictures that it was trained on
 ///

@@ -11,7 +11,7 @@ use nvsprior_train::filter::{FilterExample, FilterOptions, filter_examples, gain
 
 use crate::mapping_run::MappingRunArgs;
 use crate::prior_file::PriorFile;
-use crate::row;
+use nvsprior_inputs::report::row;
 
 /// Train the display filter for a prior's scene on the frames of its mapping run
 ///

@@ -8,8 +8,8 @@ use nvsprior::prior::{Extras, KeyFrames};
 use nvsprior::{Camera, Pose, Prior};
 
 use crate::prior_file::PriorFile;
-use crate::row;
 use nvsprior_inputs::camera_file::CameraFile;
+use nvsprior_inputs::report::row;
 use nvsprior_inputs::values;
 use nvsprior_train::coverage::{Covering, covering};
 use nvsprior_train::key_frames::{ANGLE, Sample, Thinned};

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use crate::container::check_not_over;
 use crate::mapping_run::MappingRunArgs;
 use crate::prior_file::PriorFile;
-use crate::row;
 use nvsprior::coder_tables::Tables;
 use nvsprior_inputs::args::{PriorArgs, progress};
+use nvsprior_inputs::report::row;
 use nvsprior_train::coder_tables::{Pair, TableOptions, train_tables};
 
 /// Train coder tables for a prior's scene on the frames of its mapping run

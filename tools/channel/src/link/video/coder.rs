@@ -3,14 +3,25 @@
 use std::path::Path;
 
 use anyhow::{Context as _, ensure};
+use clap::ValueEnum;
 use nvsprior::Picture;
+use serde::Serialize;
 
-use super::Coder;
 use super::unit::{self, Units};
 use nvsprior_inputs::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV};
 
 /// Seconds within which all of a picture is refreshed.
 const REFRESH: f64 = 2.0;
+
+/// Video coders that can be compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Coder {
+    /// HEVC, gradual intra refresh
+    X265,
+    /// AV1, a key frame every two seconds
+    SvtAv1,
+}
 
 impl Coder {
     pub fn name(self) -> &'static str {

@@ -4,7 +4,7 @@ use nvsprior::coder_tables::Tables;
 use nvsprior::residual::wavelet::Step;
 use nvsprior_train::coder_tables::{Pair, measure};
 
-use crate::row;
+use nvsprior_inputs::report::row;
 
 /// Steps that are shown, from a fine picture to a coarse one.
 const STEPS: [u8; 3] = [24, 32, 40];

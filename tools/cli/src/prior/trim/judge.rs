@@ -12,9 +12,9 @@ use nvsprior_train::trim::{Judge, Round, Step};
 use crate::container::Container;
 use crate::mission::{self, Mission};
 use crate::picture_renderer::{PictureRenderer, compare_times};
-use crate::row;
 use crate::view_set::{ViewSet, expected_loss};
 use nvsprior_inputs::args::progress;
+use nvsprior_inputs::report::row;
 
 pub struct Loss {
     /// Against frames, dB.
