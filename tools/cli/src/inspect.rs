@@ -12,8 +12,9 @@ use nvsprior::prior::PoseTrials;
 
 use crate::mission::MissionArgs;
 use crate::prior::key_frames;
-use crate::{record, row};
+use crate::record;
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_inputs::report::row;
 use nvsprior_inputs::values;
 
 /// Print what is in a prior, and which parts are left out because no picture shows them

@@ -123,7 +123,7 @@ impl Setting {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
 
     /// 4 kbit/s over 0.25 s, without losses.
