@@ -38,7 +38,8 @@ def main():
     for name in files:
         if name.endswith(CODE):
             rooms[room_of(name)] += lines_of(name)
-    pages = [name for name in files if name.startswith("docs/") and name.endswith(".md") and "/experiments/" not in name]
+    documents = [name for name in files if name.startswith("docs/") and name.endswith(".md")]
+    pages = [name for name in documents if "/experiments/" not in name]
     engine = sum(lines for room, lines in rooms.items() if room.split("/")[0] == "src")
     phony = re.search(r"^\.PHONY: ((?:.|\\\n)*?[^\\])\n", (ROOT / "Makefile").read_text(), re.M).group(1)
     counted = {

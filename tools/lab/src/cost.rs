@@ -67,7 +67,7 @@ impl Sharing {
 
     /// As the engine has it for a prior.
     pub fn of(engine: &Engine, prior: &Prior) -> Sharing {
-        let (probe, splats) = (Probe::of(&engine), prior.len() as u32);
+        let (probe, splats) = (Probe::of(engine), prior.len() as u32);
         let sort_blocks = 1 << probe.log_sort_blocks(splats);
         let bin_blocks = f64::from(1 << probe.log_bin_blocks(splats));
         let bin_table = f64::from(probe.bin_table());

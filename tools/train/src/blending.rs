@@ -77,7 +77,7 @@ impl<'a> Blender<'a> {
 
     fn stages(&mut self, camera: &Camera, pose: &Pose) -> Result<Stages, DeviceError> {
         loop {
-            let probe = Probe::of(&self.engine);
+            let probe = Probe::of(self.engine);
             let stages =
                 probe.stages(&self.scene, camera, pose, self.room, SortPrecision::Exact)?;
             if stages.pairs_needed <= self.room {
