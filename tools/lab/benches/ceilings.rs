@@ -107,8 +107,7 @@ impl LevelView {
             ..Params::default()
         };
         let (room, exact) = (1 << 20, SortPrecision::Exact);
-        let stages =
-            Probe::of(&engine).stages_at(scene, &seen.camera, factor, pose, room, exact)?;
+        let stages = Probe::of(engine).stages_at(scene, &seen.camera, factor, pose, room, exact)?;
         Ok(LevelView { camera, params, stages })
     }
 
@@ -266,7 +265,7 @@ fn pass_bytes(digit: u32, keys: usize, visible: usize) -> f64 {
 }
 
 fn sorting(device: &Device, keys: &[u32], best: &mut Best) -> Result<(), Error> {
-    let sort = Sort::new(device, keys, Probe::of(&best.engine).log_sort_blocks(keys.len() as u32))?;
+    let sort = Sort::new(device, keys, Probe::of(best.engine).log_sort_blocks(keys.len() as u32))?;
     let order = || Buffer::new::<u32>(device, "order", keys.len(), Memory::Readback);
     let orders = [order()?, order()?];
     let stages = match device.info().in_lockstep() {
