@@ -94,11 +94,14 @@ fn library() -> &'static Path {
         std::fs::create_dir_all(work()).unwrap();
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap();
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.current_dir(root()).args(["rustc", "-p", "nvsprior", "--lib"]);
-        cargo.args(["--crate-type", "cdylib", "--no-default-features", "--features", "capi,paper"]);
+        cargo.current_dir(root()).args(["rustc", "-p", "nvsprior-capi", "--lib"]);
+        cargo.args(["--crate-type", "cdylib"]);
         // As cargo-c does, so that the library has its own allocator.
         succeeds(cargo.arg("--target-dir").arg(target).args(["--", "--cfg", "cargo_c"]));
-        target.join("debug")
+        // As it is called once it is installed.
+        let built = target.join("debug/libnvsprior_capi.so");
+        std::fs::copy(built, work().join("libnvsprior.so")).unwrap();
+        work()
     })
 }
 

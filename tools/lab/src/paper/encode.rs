@@ -32,7 +32,7 @@ pub struct Args {
     threshold: f64,
     /// Coder of the difference picture
     #[arg(long, default_value = "webp", value_parser = named(&RESIDUALS))]
-    residual: bool,
+    residual: IsSent,
     /// Quality of the difference picture, 0 to 100 [default: 10]
     #[arg(long, value_name = "Q", group = "rate", value_parser = values::quality, allow_hyphen_values = true)]
     quality: Option<f32>,
@@ -55,8 +55,9 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-/// Whether there is a difference picture.
-const RESIDUALS: [(&str, bool); 2] = [("webp", true), ("none", false)];
+/// Whether a difference picture is sent. (An option of type `bool` would be a flag.)
+type IsSent = bool;
+const RESIDUALS: [(&str, IsSent); 2] = [("webp", true), ("none", false)];
 
 impl Args {
     fn options(&self) -> EncoderOptions {
