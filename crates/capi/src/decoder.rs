@@ -355,7 +355,7 @@ pub extern "C" fn nvsp_decoder_add_camera(
 
 /// Has a small network filter decoded pictures from the next packet on, or not. A filtered picture looks more like what
 /// the camera saw, if the network knows the scene. Its weights are the prior's (which `nvsprior
-/// filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
+/// prior filter` trains), or the library's. At first it is off, as it takes time on the device. Nothing is
 /// predicted from a filtered picture: packets and their truth maps stay as they are. Pictures without a difference
 /// picture, and those of other coders than the wavelet coder, are not filtered; NVSP_DECODED_FILTERED tells.
 ///

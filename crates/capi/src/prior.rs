@@ -196,13 +196,13 @@ versioned!(nvsp_memory_estimate, 64);
 /// key-frames` writes them. If PATH.nvsx is not valid, or about another prior, the call fails with NVSP_ERR_PRIOR.
 ///
 /// Scene coder tables are read from an .nvsg or .nvsb. With them difference pictures take fewer bytes. They are part of
-/// the prior's identity: both sides of a link need them. `nvsprior tables` writes them.
+/// the prior's identity: both sides of a link need them. `nvsprior prior tables` writes them.
 ///
 /// A prior may state a preprocessing: how the pictures that it was trained on were treated. Its encoders treat their
 /// frames in the same way. It is no part of the identity, and decoding does not depend on it: the topside shows the
 /// treated picture.
 ///
-/// With `options.blocks_memory` a prior in blocks (.nvsb, as `nvsprior blocks` writes it) stays in its file. Only what
+/// With `options.blocks_memory` a prior in blocks (.nvsb, by `nvsprior prior blocks`) stays in its file. Only what
 /// cameras see is loaded, within that memory. Pictures and packets are the same. The file must stay as it is as long as
 /// the prior is in use. A thread of the library reads blocks ahead. A frame that needs a block which is not there waits
 /// for it: see nvsp_prior_info. A frame that sees more than there is room for fails with NVSP_ERR_MEMORY. Render
