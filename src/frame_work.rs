@@ -191,8 +191,8 @@ impl FrameWork {
         let mut reserved = Reserved { bytes, is_last: false };
         loop {
             match self.write_with(packet, rate, reserved, coders, encoded)? {
-                Written::Done { reached } => return Ok(reached),
-                Written::TruthNeeds(bytes) => reserved = Reserved { bytes, is_last: true },
+                WriteOutcome::Done { reached } => return Ok(reached),
+                WriteOutcome::TruthNeeds(bytes) => reserved = Reserved { bytes, is_last: true },
             }
         }
     }
@@ -206,7 +206,7 @@ impl FrameWork {
         reserved: Reserved,
         coders: &mut Coders,
         encoded: &mut Encoded,
-    ) -> Result<Written, Error> {
+    ) -> Result<WriteOutcome, Error> {
         let Coders { residual, truth } = coders;
         let (frame, render) = (&self.frame, &self.render);
         let others = packet.encoded_len() + reserved.bytes;
@@ -238,7 +238,7 @@ impl FrameWork {
             let limit = truth_limit(&packet, rate);
             let more = self::reserved(truth.compare(self.stats.frame, &compared), rate);
             if more > limit.max(reserved.bytes) && !reserved.is_last {
-                return Ok(Written::TruthNeeds(more));
+                return Ok(WriteOutcome::TruthNeeds(more));
             }
             let bare = packet.encoded_len();
             packet.truth = truth.encode(self.stats.frame, limit);
@@ -249,7 +249,7 @@ impl FrameWork {
         if let Some(stream) = in_stream {
             residual.keep(&stream.frame, &self.render);
         }
-        Ok(Written::Done { reached })
+        Ok(WriteOutcome::Done { reached })
     }
 }
 
@@ -262,7 +262,7 @@ struct Reserved {
 }
 
 /// What came of writing a packet.
-enum Written {
+enum WriteOutcome {
     Done {
         reached: bool,
     },

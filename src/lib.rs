@@ -77,7 +77,7 @@ pub mod parts {
     pub use crate::render::kernels::{self, TrainingKernels};
     pub use crate::render::levels::{LevelBuffers, Pass, posed, prototype};
     pub use crate::render::radix::{self, Sort};
-    pub use crate::render::splat_buffers::{Held, SplatBuffers};
+    pub use crate::render::splat_buffers::{DrawnSplats, SplatBuffers};
     pub use crate::render::stages::{self, CameraPose, Channels, Stages};
     pub use crate::render::workspace::Workspace;
     pub use crate::search::{PAPER as FREE, PoseCode};

@@ -13,7 +13,7 @@ pub struct Pose {
 }
 
 /// A pose step `τ = (ρ, θ)`: translation then rotation vector (radians), applied from the left.
-pub type Step = [f64; 6];
+pub type Twist = [f64; 6];
 
 impl Default for Pose {
     fn default() -> Pose {
@@ -61,7 +61,7 @@ impl Pose {
     }
 
     /// `Exp(τ) ∘ self`, the left perturbation `dp_c = ρ + θ × p_c`.
-    pub fn stepped(&self, tau: &Step) -> Pose {
+    pub fn stepped(&self, tau: &Twist) -> Pose {
         Pose::exp(tau).after(self)
     }
 
@@ -80,7 +80,7 @@ impl Pose {
     }
 
     /// The exponential map of SE(3) (Barfoot, State Estimation for Robotics, eq. 8.30–8.33).
-    pub fn exp(tau: &Step) -> Pose {
+    pub fn exp(tau: &Twist) -> Pose {
         let rho = DVec3::new(tau[0], tau[1], tau[2]);
         let theta = DVec3::new(tau[3], tau[4], tau[5]);
         let angle2 = theta.length_squared();
@@ -99,7 +99,7 @@ impl Pose {
     }
 
     /// The step whose [`exp`](Self::exp) is this motion; it turns by at most π (Barfoot, eq. 8.33).
-    pub fn log(&self) -> Step {
+    pub fn log(&self) -> Twist {
         let q = if self.rotation.w < 0.0 { -self.rotation } else { self.rotation };
         let sine = q.xyz().length();
         let angle = 2.0 * sine.atan2(q.w);

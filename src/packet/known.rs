@@ -1,6 +1,6 @@
 //! How sure the vehicle is of a pose, in three bits.
 
-use crate::geometry::Step;
+use crate::geometry::Twist;
 
 /// Greatest standard deviation of each class: of the position along the camera's axes, in units of the prior, and of
 /// the turns about them, radians.
@@ -27,7 +27,7 @@ pub struct KnownPose {
 impl PoseBound {
     /// The finest class that holds all of a pose's deviations, of ρ in the prior's own lengths and θ in radians. `None`
     /// if none does. `unit`: the length that the prior's packets count in.
-    pub fn of(deviation: &Step, unit: f64) -> Option<PoseBound> {
+    pub fn of(deviation: &Twist, unit: f64) -> Option<PoseBound> {
         let scaled =
             |(i, deviation): (usize, &f64)| if i < 3 { deviation / unit } else { *deviation };
         let holds = |bound: &f64| deviation.iter().enumerate().map(scaled).all(|d| d <= *bound);
@@ -90,7 +90,7 @@ mod tests {
     fn a_class_holds_every_deviation() {
         let deviation = [0.02, 0.001, 0.04, 0.002, 0.009, 0.001];
         let known =
-            |deviation: &Step| PoseBound::of(deviation, 5.0).map(|bound| bound.of_unit(5.0));
+            |deviation: &Twist| PoseBound::of(deviation, 5.0).map(|bound| bound.of_unit(5.0));
         let KnownPose { position, rotation } = known(&deviation).unwrap();
         assert_eq!((position, rotation), (0.05, 0.01));
         for (axis, wide) in [(1, 0.6), (3, 0.11), (2, f64::INFINITY), (5, f64::NAN)] {

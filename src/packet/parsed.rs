@@ -5,7 +5,7 @@ use super::head::PoseKind;
 use super::held::HeldPoses;
 use super::latent::{Latent, Layout, Read};
 use super::render::{self, RenderCheck};
-use super::residual::{Found, Residual, ResidualStart};
+use super::residual::{Contents, Residual, ResidualStart};
 use super::session::{self, Session};
 
 /// What a packet holds, and where: all that is valid in it, and why the rest is not.
@@ -14,7 +14,7 @@ pub struct Parsed {
     read: Read,
     session: Result<Option<Session>, PacketError>,
     render: Result<Option<RenderCheck>, PacketError>,
-    found: Found,
+    found: Contents,
 }
 
 impl Parsed {
@@ -43,7 +43,7 @@ impl Parsed {
         let render =
             if head.render { render::decode(rest(at), &bytes[..len]).map(Some) } else { Ok(None) };
         at += if head.render { render::LEN } else { 0 };
-        let found = Found::read(&head, bytes, len, at);
+        let found = Contents::read(&head, bytes, len, at);
         Parsed { read, session, render, found }
     }
 
@@ -142,7 +142,7 @@ impl Extent {
                 valid = at;
             }
         }
-        let found = Found::read(&head, start, latent, at);
+        let found = Contents::read(&head, start, latent, at);
         let all_before = valid == at;
         let whole = (all_before && found.checked.is_ok()).then(|| found.end(at));
         let told = found.truth.as_ref().map_or(0, |map| map.end - at);

@@ -190,7 +190,7 @@ fn check_of(latent: &[u8], content: &[u8]) -> u16 {
 
 /// Where the content of a residual part lies in its packet.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
+pub(super) struct Contents {
     pub reference: Option<Reference>,
     /// The truth map; `None`: there is none, or not all of it is there.
     pub truth: Option<Range<usize>>,
@@ -200,32 +200,32 @@ pub(super) struct Found {
     pub checked: Result<(), PacketError>,
 }
 
-impl Found {
-    fn none(checked: Result<(), PacketError>) -> Found {
-        Found { reference: None, truth: None, payload: None, checked }
+impl Contents {
+    fn none(checked: Result<(), PacketError>) -> Contents {
+        Contents { reference: None, truth: None, payload: None, checked }
     }
 
     /// Reads the part that begins at `at`, behind a latent part of `latent_len` bytes.
-    pub fn read(head: &Head, bytes: &[u8], latent_len: usize, at: usize) -> Found {
+    pub fn read(head: &Head, bytes: &[u8], latent_len: usize, at: usize) -> Contents {
         if !head.is_known() {
-            return Found::none(Err(PacketError::Coder(head.kind as u8)));
+            return Contents::none(Err(PacketError::Coder(head.kind as u8)));
         }
         if !head.has_content() {
-            return Found::none(Ok(()));
+            return Contents::none(Ok(()));
         }
         let (found, needed) = (bytes.len(), at + CHECK);
         let short = |needed| PacketError::TooShort { part: Part::Residual, needed, found };
-        let Some(check) = bytes.get(at..needed) else { return Found::none(Err(short(needed))) };
+        let Some(check) = bytes.get(at..needed) else { return Contents::none(Err(short(needed))) };
         let mut next = needed;
-        let mut all = Found::none(Ok(()));
+        let mut all = Contents::none(Ok(()));
         if head.kind == Kind::Inter {
             next += Reference::LEN;
             if found < next {
-                return Found::none(Err(short(next)));
+                return Contents::none(Err(short(next)));
             }
             all.reference = Reference::read(&bytes[next - Reference::LEN..]);
             if all.reference.is_none() {
-                return Found::none(Err(PacketError::Reference));
+                return Contents::none(Err(PacketError::Reference));
             }
         }
         if head.truth {

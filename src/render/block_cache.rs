@@ -78,7 +78,7 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    held: HashMap<u32, Held>,
+    held: HashMap<u32, CachedBlock>,
     /// Splats of them.
     splats: usize,
     /// Counts uses.
@@ -89,7 +89,7 @@ struct State {
     quit: bool,
 }
 
-struct Held {
+struct CachedBlock {
     planes: Arc<BlockPlanes>,
     last_use: u64,
 }
@@ -162,7 +162,7 @@ impl State {
         }
         self.drop_block(index);
         self.splats += planes.splats;
-        self.held.insert(index, Held { planes, last_use: self.clock });
+        self.held.insert(index, CachedBlock { planes, last_use: self.clock });
     }
 
     fn drop_block(&mut self, index: u32) {

@@ -17,7 +17,7 @@ use crate::shared::{
 use crate::{Camera, Pose, Prior, RenderOptions};
 
 use super::levels::{posed, prototype};
-use super::splat_buffers::{Held, Planes, centre};
+use super::splat_buffers::{DrawnSplats, Planes, centre};
 
 /// A prior, ready to be drawn.
 pub struct Definition {
@@ -88,7 +88,7 @@ impl Definition {
     }
 
     fn prototype(&self, camera: &Camera) -> Params {
-        prototype(&self.options, &Held::all(self.splats, self.planes.radius), camera, 1, 0)
+        prototype(&self.options, &DrawnSplats::all(self.splats, self.planes.radius), camera, 1, 0)
     }
 
     fn draw_with(&self, params: &Params) -> Drawn {

@@ -10,7 +10,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Camera, Pose, RenderOptions};
 
 use super::binning::{self, Binning};
-use super::splat_buffers::{Held, SplatBuffers};
+use super::splat_buffers::{DrawnSplats, SplatBuffers};
 use super::{Scene, kernels};
 
 /// One picture size.
@@ -228,7 +228,7 @@ impl LevelBuffers {
     }
 
     /// Draws so many splats from here on, with room for `pair_capacity` pairs.
-    pub fn hold(&mut self, held: &Held, pair_capacity: u32) {
+    pub fn hold(&mut self, held: &DrawnSplats, pair_capacity: u32) {
         for Level { params, sparse, .. } in &mut self.sizes {
             for params in [params, sparse] {
                 (params.splats, params.radius) = (held.splats, held.radius);
@@ -260,7 +260,7 @@ impl LevelBuffers {
 /// The stages' parameters of a level, except the pose and the room for pairs.
 pub fn prototype(
     options: &RenderOptions,
-    held: &Held,
+    held: &DrawnSplats,
     camera: &Camera,
     factor: u32,
     frame_offset: u32,

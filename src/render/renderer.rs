@@ -19,7 +19,7 @@ use super::levels::{LevelBuffers, NormalEquations, Pass, anchor, pose_of};
 use super::light::{Correction, FlatField};
 use super::radix::SortPrecision;
 use super::sight::{Reach, Sight};
-use super::splat_buffers::Held;
+use super::splat_buffers::DrawnSplats;
 use super::stages::{CameraPose, Channels, PictureEnds, SearchStages, Stages, TIMED_EVALUATIONS};
 use super::tile_sums::TileSums;
 use super::window::{Content, Window};
@@ -114,7 +114,7 @@ pub struct Renderer {
     kernels: Arc<Kernels>,
     scene: Arc<Scene>,
     /// The scene's splats as the levels have them.
-    held: Held,
+    held: DrawnSplats,
     plan: Plan,
     work: Workspace,
     levels: LevelBuffers,

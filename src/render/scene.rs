@@ -15,7 +15,7 @@ use crate::vulkan::{Buffer, Device, Error, Memory};
 use crate::{Prior, PriorId};
 
 use super::block_cache::BlockReader;
-use super::splat_buffers::{Held, Planes, SplatBuffers};
+use super::splat_buffers::{DrawnSplats, Planes, SplatBuffers};
 use super::window::{Residency, Window, WindowRoom};
 use super::{PipelineKey, SceneKernels};
 
@@ -55,7 +55,7 @@ impl Scene {
         let upload = |name, planes: &[f32]| Buffer::from_slice(device, name, planes).map_err(&room);
         let Planes { geometry, sh, radius } = Planes::of(prior, &analysis, count);
         let buffers = [upload("geometry", &geometry)?, upload("spherical harmonics", &sh)?];
-        let held = Held::all(count as u32, radius);
+        let held = DrawnSplats::all(count as u32, radius);
         let splats = SplatBuffers::new(kernels, buffers, &held, *prior.options());
         Ok(Scene {
             splats: Arc::new(splats),
@@ -87,7 +87,7 @@ impl Scene {
             planes("geometry", GEOMETRY_PLANES)?,
             planes("spherical harmonics", shared::sh_planes(blocked.sh_degree()))?,
         ];
-        let held = Held { splats: 0, stride: room.device as u32, radius: blocked.radius() };
+        let held = DrawnSplats { splats: 0, stride: room.device as u32, radius: blocked.radius() };
         let tables = blocked.coder_tables().map(|tables| Arc::new(tables.clone()));
         Ok(Scene {
             splats: Arc::new(SplatBuffers::new(kernels, buffers, &held, *blocked.options())),

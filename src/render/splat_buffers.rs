@@ -20,14 +20,14 @@ pub struct SplatBuffers {
     pub sh: Buffer,
     /// How many splats the planes have room for.
     pub room: u32,
-    /// How many there are, and the bits of [`Held::radius`]. They change between frames only.
+    /// How many there are, and the bits of [`DrawnSplats::radius`]. They change between frames only.
     held: [AtomicU32; 2],
     pub options: RenderOptions,
 }
 
 /// The splats that are drawn: the first ones of the planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
+pub struct DrawnSplats {
     /// How many.
     pub splats: u32,
     /// See [`Params::stride`](crate::shared::Params::stride).
@@ -36,10 +36,10 @@ pub struct Held {
     pub radius: f32,
 }
 
-impl Held {
+impl DrawnSplats {
     /// All that there is room for.
-    pub fn all(splats: u32, radius: f32) -> Held {
-        Held { splats, stride: splats, radius }
+    pub fn all(splats: u32, radius: f32) -> DrawnSplats {
+        DrawnSplats { splats, stride: splats, radius }
     }
 }
 
@@ -47,7 +47,7 @@ impl SplatBuffers {
     pub fn new(
         kernels: Arc<SceneKernels>,
         [geometry, sh]: [Buffer; 2],
-        held: &Held,
+        held: &DrawnSplats,
         options: RenderOptions,
     ) -> SplatBuffers {
         let words = [held.splats, held.radius.to_bits()].map(AtomicU32::new);
@@ -60,9 +60,9 @@ impl SplatBuffers {
         self.held.iter().zip(words).for_each(|(to, word)| to.store(word, Ordering::Release));
     }
 
-    pub fn held(&self) -> Held {
+    pub fn held(&self) -> DrawnSplats {
         let [splats, radius] = [0, 1].map(|i: usize| self.held[i].load(Ordering::Acquire));
-        Held { splats, stride: self.room, radius: f32::from_bits(radius) }
+        DrawnSplats { splats, stride: self.room, radius: f32::from_bits(radius) }
     }
 }
 

@@ -16,13 +16,13 @@ pub const REFERENCES: usize = 32;
 /// for it.
 #[derive(Default)]
 pub struct References {
-    kept: Vec<Kept>,
+    kept: Vec<ReferenceFrame>,
     /// The slot that comes next.
     next: usize,
 }
 
 /// A frame that others may be predicted from.
-pub struct Kept {
+pub struct ReferenceFrame {
     /// Its number, modulo 2²⁴.
     pub frame: u32,
     /// How many frames it came after an intra frame; for encoders.
@@ -39,7 +39,7 @@ pub struct Kept {
     used: bool,
 }
 
-impl Kept {
+impl ReferenceFrame {
     fn size(&self) -> (u32, u32) {
         (self.difference.width, self.difference.height)
     }
@@ -65,7 +65,7 @@ impl References {
         render: &Picture,
     ) {
         self.prepare(viewpoint);
-        let same = |kept: &Kept| kept.used && frames_behind(kept.frame, frame) == 0;
+        let same = |kept: &ReferenceFrame| kept.used && frames_behind(kept.frame, frame) == 0;
         let index = self.kept.iter().position(same).unwrap_or_else(|| {
             self.next = (self.next + 1) % REFERENCES;
             self.next
@@ -93,7 +93,7 @@ impl References {
         let empty = || {
             let [difference, shown] = [(); 2].map(|()| Picture::new(width, height));
             let (viewpoint, used) = (*viewpoint, false);
-            Kept { frame: 0, position: 0, tag: 0, viewpoint, difference, shown, used }
+            ReferenceFrame { frame: 0, position: 0, tag: 0, viewpoint, difference, shown, used }
         };
         self.kept.clear();
         self.kept.reserve_exact(REFERENCES);
@@ -101,9 +101,14 @@ impl References {
     }
 
     /// The frame that a packet about `frame`, seen from `viewpoint`, is predicted from, if it is there and the same.
-    pub fn find(&self, reference: Reference, frame: u32, viewpoint: &Viewpoint) -> Option<&Kept> {
+    pub fn find(
+        &self,
+        reference: Reference,
+        frame: u32,
+        viewpoint: &Viewpoint,
+    ) -> Option<&ReferenceFrame> {
         let distance = u32::from(reference.distance);
-        let is = |kept: &&Kept| {
+        let is = |kept: &&ReferenceFrame| {
             kept.used
                 && frames_behind(kept.frame, frame) == distance
                 && kept.tag == reference.tag
@@ -113,8 +118,12 @@ impl References {
     }
 
     /// The newest frame before `frame` that may be a reference frame and that `suits`, and how to name it.
-    pub fn newest(&self, frame: u32, suits: impl Fn(&Kept) -> bool) -> Option<(Reference, &Kept)> {
-        let near = |kept: &&Kept| {
+    pub fn newest(
+        &self,
+        frame: u32,
+        suits: impl Fn(&ReferenceFrame) -> bool,
+    ) -> Option<(Reference, &ReferenceFrame)> {
+        let near = |kept: &&ReferenceFrame| {
             let behind = frames_behind(kept.frame, frame);
             kept.used && (1..=REFERENCES as u32).contains(&behind) && suits(kept)
         };

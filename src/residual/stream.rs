@@ -4,7 +4,7 @@ use crate::Picture;
 use crate::packet::{Latent, Reference, Residual};
 
 use super::ResidualError;
-use super::references::{Kept, REFERENCES, References, frames_behind};
+use super::references::{REFERENCES, ReferenceFrame, References, frames_behind};
 use super::warp::{Viewpoint, warp};
 use super::wavelet::{Earlier, Planes};
 
@@ -49,7 +49,7 @@ const LAYERED: u32 = 4;
 
 impl Structure {
     /// Whether a frame may be predicted from a kept one. `position`: its number of frames after the last key frame.
-    fn suits(self, position: u32, kept: &Kept, acknowledged: &Acknowledged) -> bool {
+    fn suits(self, position: u32, kept: &ReferenceFrame, acknowledged: &Acknowledged) -> bool {
         match self {
             Structure::Acknowledged => acknowledged.contains(kept.frame),
             Structure::Chain { .. } => true,
@@ -117,10 +117,10 @@ impl StreamFrame<'_> {
     }
 }
 
-impl Kept {
+impl ReferenceFrame {
     /// What a frame may be predicted from. `warped`: room for its planes.
     fn seen_from<'a>(&'a self, frame: &StreamFrame, warped: &'a mut Planes) -> Earlier<'a> {
-        let Kept { difference, shown, viewpoint, .. } = self;
+        let ReferenceFrame { difference, shown, viewpoint, .. } = self;
         warp(difference, viewpoint, frame.viewpoint, frame.depths, warped);
         Earlier { warped, shown, difference }
     }
@@ -160,7 +160,7 @@ impl StreamEncoder {
         if key_every > 0 && position >= key_every {
             return None;
         }
-        let suits = |kept: &Kept| structure.suits(position, kept, acknowledged);
+        let suits = |kept: &ReferenceFrame| structure.suits(position, kept, acknowledged);
         let (reference, kept) = self.references.newest(frame.frame, suits)?;
         Some((reference, kept.seen_from(frame, &mut self.warped)))
     }

@@ -7,7 +7,7 @@
 //! along it. This is the Cramér–Rao bound for independent residuals. Neighbouring residuals are not
 //! independent, so the true deviation is more: see [`PoseCovariance`](super::PoseCovariance).
 
-use crate::geometry::Step;
+use crate::geometry::Twist;
 use crate::render::NormalEquations;
 
 /// If the pose may wander along a direction by this much, in depths of the scene and radians, the
@@ -26,7 +26,7 @@ pub struct Observability {
     /// radians. Infinite if the picture does not react at all.
     pub deviations: [f64; 6],
     /// Orthonormal directions `(ρ/L, θ)` in camera axes.
-    pub directions: [Step; 6],
+    pub directions: [Twist; 6],
     /// Largest eigenvalue divided by the least; infinite if the least is 0.
     pub condition: f64,
     loose: [bool; 6],
@@ -67,17 +67,17 @@ impl Observability {
     }
 
     /// Directions that the picture does not determine, `(ρ/L, θ)`.
-    pub fn undetermined(&self) -> impl Iterator<Item = &Step> {
+    pub fn undetermined(&self) -> impl Iterator<Item = &Twist> {
         self.directions.iter().zip(self.loose).filter(|(_, loose)| *loose).map(|(d, _)| d)
     }
 
     /// Removes from a motion, `(ρ, θ)`, the directions that the picture does not determine.
-    pub fn determined(&self, motion: &Step) -> Step {
+    pub fn determined(&self, motion: &Twist) -> Twist {
         if !(self.length > 0.0) {
             return [0.0; 6];
         }
         let unit = [self.length, self.length, self.length, 1.0, 1.0, 1.0];
-        let scaled: Step = std::array::from_fn(|i| motion[i] / unit[i]);
+        let scaled: Twist = std::array::from_fn(|i| motion[i] / unit[i]);
         let mut rest = scaled;
         for direction in self.undetermined() {
             let along: f64 = scaled.iter().zip(direction).map(|(a, b)| a * b).sum();

@@ -6,7 +6,7 @@
 //! "Maximum Likelihood Estimation of Misspecified Models", Econometrica 50, 1982; by blocks: Liang and Zeger,
 //! Biometrika 73, 1986). It knows nothing of errors that all blocks have in common: a doubt multiplies it for them.
 
-use crate::geometry::Step;
+use crate::geometry::Twist;
 use crate::render::{NormalEquations, TileSums};
 use crate::shared::SUMS;
 
@@ -93,20 +93,20 @@ impl PoseCovariance {
 }
 
 /// Standard deviations of the components of a step; infinite along open axes.
-pub(crate) fn deviations(covariance: &Covariance) -> Step {
+pub(crate) fn deviations(covariance: &Covariance) -> Twist {
     std::array::from_fn(|i| covariance[i][i].sqrt())
 }
 
 /// What makes `(ρ, θ)` of `(ρ/length, θ)`.
-fn units(length: f64) -> Step {
+fn units(length: f64) -> Twist {
     [length, length, length, 1.0, 1.0, 1.0]
 }
 
 /// The normal equations of a part of a picture, in `(ρ/length, θ)`.
 #[derive(Clone, Copy, Default)]
 struct Block {
-    curvature: [Step; 6],
-    gradient: Step,
+    curvature: [Twist; 6],
+    gradient: Twist,
 }
 
 impl Block {
@@ -128,19 +128,19 @@ impl Block {
         }
     }
 
-    fn gradient_after(&self, step: &Step) -> Step {
+    fn gradient_after(&self, step: &Twist) -> Twist {
         std::array::from_fn(|i| self.gradient[i] + product(&self.curvature[i], step))
     }
 }
 
 /// The spectrum of the normal equations.
 struct Spectrum {
-    values: Step,
-    directions: [Step; 6],
+    values: Twist,
+    directions: [Twist; 6],
 }
 
 impl Spectrum {
-    fn of(curvature: &[Step; 6]) -> Spectrum {
+    fn of(curvature: &[Twist; 6]) -> Spectrum {
         let (values, directions) = eigen(*curvature);
         Spectrum { values, directions }
     }
@@ -151,7 +151,7 @@ impl Spectrum {
     }
 
     /// The inverse times a vector, along the directions that the picture reacts to.
-    fn inverse_times(&self, vector: &Step) -> Step {
+    fn inverse_times(&self, vector: &Twist) -> Twist {
         let mut sum = [0.0; 6];
         for (k, direction) in self.directions.iter().enumerate().filter(|(k, _)| self.reacts(*k)) {
             let along = product(direction, vector) / self.values[k];
@@ -171,12 +171,12 @@ impl Spectrum {
     }
 }
 
-fn product(a: &Step, b: &Step) -> f64 {
+fn product(a: &Twist, b: &Twist) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 /// Adds `factor · v vᵀ`.
-fn add_square(covariance: &mut Covariance, v: &Step, factor: f64) {
+fn add_square(covariance: &mut Covariance, v: &Twist, factor: f64) {
     for (row, a) in covariance.iter_mut().zip(v) {
         row.iter_mut().zip(v).for_each(|(sum, b)| *sum += factor * a * b);
     }
@@ -203,7 +203,7 @@ mod tests {
     const PICTURE: [usize; 2] = [40, 20];
 
     /// The 28 sums of one residual with its derivative.
-    fn add_residual(sums: &mut [f32], derivative: &Step, residual: f64) {
+    fn add_residual(sums: &mut [f32], derivative: &Twist, residual: f64) {
         let row: Vec<f64> = derivative.iter().copied().chain([residual]).collect();
         let curvature = (0..6).flat_map(|i| (i..6).map(move |j| (i, j)));
         let all = curvature.chain((0..7).map(|i| (i, 6)));
@@ -224,7 +224,7 @@ mod tests {
             let lean = |i: usize| ((x * (i + 3) + y * (7 - i)) as f64 / 20.0).cos();
             for _ in 0..4 {
                 let part = |i: usize| lean(i) + 0.3 * normal();
-                let mut derivative: Step = [0, 1, 2, 3, 4, 5].map(part);
+                let mut derivative: Twist = [0, 1, 2, 3, 4, 5].map(part);
                 open.iter().for_each(|i| derivative[*i] = 0.0);
                 add_residual(sums, &derivative, 0.02 * shared + 0.004 * normal());
             }
@@ -233,7 +233,7 @@ mod tests {
     }
 
     /// How far the optimum is from the pose of the sums. All residuals have mean 0, so that is the error.
-    fn error(sums: &[f32]) -> Step {
+    fn error(sums: &[f32]) -> Twist {
         let mut all = Block::default();
         for sums in sums.chunks_exact(SUMS as usize) {
             let sums: Vec<f64> = sums.iter().map(|v| f64::from(*v)).collect();

@@ -1,7 +1,7 @@
 //! Where a frame's refinement starts: at the pose that constant velocity predicts, or at the previous frame's.
 
 use crate::Pose;
-use crate::geometry::Step;
+use crate::geometry::Twist;
 
 use super::Observability;
 
@@ -89,7 +89,7 @@ impl Starts {
     }
 
     /// The motion in `seconds` at the last velocity; `None` if the time of the last motion is not known.
-    pub(super) fn motion_of(&self, seconds: f64) -> Option<Step> {
+    pub(super) fn motion_of(&self, seconds: f64) -> Option<Twist> {
         let (last, before) = (self.last?, self.before_last?);
         let share = seconds / (self.last_time? - self.before_last_time?);
         let motion = last.after(&before.inverse()).log();

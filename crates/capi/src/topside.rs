@@ -197,9 +197,9 @@ impl TopsideEnd {
                 return Ok(true);
             }
             let done = match pictures.step(now, link)? {
-                Step::Rests => return Ok(false),
-                Step::Begun => continue,
-                Step::Done(done) => done,
+                Advance::Rests => return Ok(false),
+                Advance::Begun => continue,
+                Advance::Done(done) => done,
             };
             match done {
                 Ok(Done::Nothing) => self.refused(NVSP_OK),
@@ -224,7 +224,7 @@ impl TopsideEnd {
 }
 
 /// How far it went.
-enum Step {
+enum Advance {
     /// There is nothing to do, or the decoder is at it.
     Rests,
     Begun,
@@ -232,7 +232,7 @@ enum Step {
 }
 
 impl Pictures {
-    fn step(&mut self, now: f64, link: &mut TopsideLink) -> Result<Step, Failure> {
+    fn step(&mut self, now: f64, link: &mut TopsideLink) -> Result<Advance, Failure> {
         let now = link.at(now).map_err(LinkError::from)?;
         let mut decoder = self.decoder.enter()?;
         let Some((work, is_begun)) = self.work.take() else {
@@ -240,20 +240,20 @@ impl Pictures {
             let mut core = decoder.core()?;
             self.screen.hold(link, &mut core.decoder);
             self.work = self.screen.next(now, link, &core.decoder).map(|work| (work, false));
-            return Ok(if self.work.is_some() { Step::Begun } else { Step::Rests });
+            return Ok(if self.work.is_some() { Advance::Begun } else { Advance::Rests });
         };
         let Pictures { screen, decoded, .. } = self;
         if matches!(work, Work::Ready { .. }) {
             let core = decoder.core()?;
             let done = screen.done(now, work, Ok(true), decoded, link, &core.decoder);
-            return Ok(Step::Done(done.map_err(Failure::from)));
+            return Ok(Advance::Done(done.map_err(Failure::from)));
         }
         if !is_begun {
             let begun = decoder.begin_work(&work, link);
             if !matches!(begun, Ok(false)) {
                 self.work = Some((work, begun.is_ok()));
             }
-            return begun.map(|_| Step::Begun);
+            return begun.map(|_| Advance::Begun);
         }
         let mut done = None;
         let mut given = Some(work);
@@ -267,17 +267,17 @@ impl Pictures {
             Ok(())
         });
         match (taken, done, given) {
-            (Ok(true), Some(done), _) => Ok(Step::Done(done)),
+            (Ok(true), Some(done), _) => Ok(Advance::Done(done)),
             (Ok(_), _, given) => {
                 self.work = given.map(|work| (work, true));
-                Ok(Step::Rests)
+                Ok(Advance::Rests)
             }
             (Err(Failure::Library(error)), _, Some(work)) => {
                 let core = decoder.core()?;
                 let done = screen.done(now, work, Err(error), decoded, link, &core.decoder);
-                Ok(Step::Done(done.map_err(Failure::from)))
+                Ok(Advance::Done(done.map_err(Failure::from)))
             }
-            (Err(failure), ..) => Ok(Step::Done(Err(failure))),
+            (Err(failure), ..) => Ok(Advance::Done(Err(failure))),
         }
     }
 }

@@ -69,7 +69,7 @@ enum Search {
 }
 
 /// What a search came to.
-struct Found {
+struct SearchResult {
     pose: Pose,
     stats: FrameStats,
 }
@@ -144,7 +144,7 @@ impl Encoder {
         self.view.check(frame)?;
         let mut treated = frame.clone();
         self.preprocessor.apply(&mut treated);
-        let Found { pose, mut stats } = self.search(&treated, info)?;
+        let SearchResult { pose, mut stats } = self.search(&treated, info)?;
         let (pose, mut render) = self.view.draw(&self.scene, &pose)?;
         stats.frame = self.frame;
         stats.full_renders += 1;
@@ -161,12 +161,12 @@ impl Encoder {
         Ok(Encoded { packet, picture, render, pose, stats })
     }
 
-    fn search(&mut self, frame: &Picture, info: FrameInfo) -> Result<Found, Error> {
+    fn search(&mut self, frame: &Picture, info: FrameInfo) -> Result<SearchResult, Error> {
         let threshold = self.options.threshold;
         let objective = match &mut self.view.search {
             Search::GaussNewton(encoder) => {
                 let found = encoder.encode(frame, info)?;
-                return Ok(Found { pose: found.pose, stats: found.stats });
+                return Ok(SearchResult { pose: found.pose, stats: found.stats });
             }
             Search::Descent(objective) => objective,
         };
@@ -186,7 +186,7 @@ impl Encoder {
             ..FrameStats::default()
         };
         self.poses.add(outcome.pose, kind != StartKind::External);
-        Ok(Found { pose: outcome.pose, stats })
+        Ok(SearchResult { pose: outcome.pose, stats })
     }
 
     /// The packet, and what the topside will show.

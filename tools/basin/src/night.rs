@@ -77,10 +77,10 @@ impl<'a> Moment<'a> {
 
 /// The steps of a march: where each begins and ends, and what comes back to the camera from its middle.
 struct March {
-    steps: Vec<Step>,
+    steps: Vec<Slice>,
 }
 
-struct Step {
+struct Slice {
     begin: f32,
     length: f32,
     middle: f32,
@@ -93,7 +93,7 @@ impl March {
         let step = |i| {
             let (begin, end) = (edge(i), edge(i + 1));
             let middle = (begin * end).sqrt();
-            Step { begin, length: end - begin, middle, kept: medium::kept(middle) }
+            Slice { begin, length: end - begin, middle, kept: medium::kept(middle) }
         };
         March { steps: (0..STEPS).map(step).collect() }
     }

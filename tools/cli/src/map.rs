@@ -39,7 +39,7 @@ use from::FromArgs;
 use inputs::{InputArgs, MapInputs};
 use parts::PartsRun;
 use rehearsal::Rehearsal;
-use report::{Found, Report};
+use report::{Report, RunWorth};
 use saved::Saved;
 use sides::Sides;
 use structure::{Search, StructureArgs};
@@ -219,7 +219,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.report {
         sides.draw(&engine, &prior, &folder.join("parallax.png"))?;
     }
-    report.finish(&mut mapper, prior.len(), forward, &Found { worth, sides: Some(sides) })?;
+    report.finish(&mut mapper, prior.len(), forward, &RunWorth { worth, sides: Some(sides) })?;
     args.device.check(&engine)
 }
 

@@ -53,7 +53,7 @@ impl TrimOptions {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Round {
     /// What was left out.
-    pub step: Step,
+    pub step: TrimStep,
     pub splats: usize,
     /// What the judge said of them.
     pub loss: f64,
@@ -62,7 +62,7 @@ pub struct Round {
 
 /// What a round leaves out.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Step {
+pub enum TrimStep {
     /// Splats that no view shows.
     Unseen,
     /// Splats out of range of all cameras.
@@ -166,16 +166,16 @@ impl<J: Judge> Trimmer<'_, J> {
             centres.iter().any(|c| p.distance_squared(*c) <= range * range)
         };
         let kept: Vec<bool> = self.best.positions.iter().map(near).collect();
-        self.try_without(Step::OutOfRange, &kept)
+        self.try_without(TrimStep::OutOfRange, &kept)
     }
 
     fn leave_out_unseen(&mut self) -> Result<(), J::Error> {
         let seen: Vec<bool> = self.removals()?.iter().map(|r| r.pixels > 0).collect();
-        self.try_without(Step::Unseen, &seen)
+        self.try_without(TrimStep::Unseen, &seen)
     }
 
     /// Judges the best prior without some of its splats, without a fit. Keeps the result if it is within the tolerance.
-    fn try_without(&mut self, step: Step, kept: &[bool]) -> Result<(), J::Error> {
+    fn try_without(&mut self, step: TrimStep, kept: &[bool]) -> Result<(), J::Error> {
         if kept.iter().all(|kept| *kept) || !kept.iter().any(|kept| *kept) {
             return Ok(());
         }
@@ -189,7 +189,7 @@ impl<J: Judge> Trimmer<'_, J> {
         while self.best.sh_degree > 0 {
             let mut candidate = self.best.with_sh_degree(self.best.sh_degree - 1);
             self.fit(&mut candidate)?;
-            if !self.judged(Step::Band, candidate, 0.25 * self.options.tolerance)? {
+            if !self.judged(TrimStep::Band, candidate, 0.25 * self.options.tolerance)? {
                 break;
             }
         }
@@ -203,7 +203,7 @@ impl<J: Judge> Trimmer<'_, J> {
             let kept = max_needed(&removals, share);
             let mut candidate = self.best.filtered(&kept);
             self.fit(&mut candidate)?;
-            if !self.judged(Step::Share(share), candidate, self.options.tolerance)? {
+            if !self.judged(TrimStep::Share(share), candidate, self.options.tolerance)? {
                 share *= 0.5;
             }
         }
@@ -211,7 +211,7 @@ impl<J: Judge> Trimmer<'_, J> {
     }
 
     /// Keeps a candidate that loses no more than `limit`; whether it did.
-    fn judged(&mut self, step: Step, candidate: Splats, limit: f64) -> Result<bool, J::Error> {
+    fn judged(&mut self, step: TrimStep, candidate: Splats, limit: f64) -> Result<bool, J::Error> {
         let loss = self.judge.loss(&candidate)?;
         let kept = loss <= limit;
         let round = Round { step, splats: candidate.len(), loss, kept };

@@ -9,7 +9,7 @@ use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_reference::Twin;
 use nvsprior_train::PosedPicture;
 use nvsprior_train::removal::removals;
-use nvsprior_train::trim::{Judge, Round, Step, TrimError, TrimOptions, trim};
+use nvsprior_train::trim::{Judge, Round, TrimError, TrimOptions, TrimStep, trim};
 
 const CAMERA: Camera = Camera { width: 48, height: 40, fx: 40.0, fy: 40.0, cx: 24.0, cy: 20.0 };
 const RENDER: RenderOptions = RenderOptions::INRIA;
@@ -135,7 +135,7 @@ fn splats_go_until_the_floor_and_no_further() {
     let (kept, rounds) = trimmed(&splats, 38.0, |_| ());
     assert!(kept.len() < 200, "{} splats, {rounds:?}", kept.len());
     assert!(worst(&kept, &pictures(&splats)) >= 38.0);
-    assert_eq!(rounds[0].step, Step::Unseen);
+    assert_eq!(rounds[0].step, TrimStep::Unseen);
     assert!(rounds.iter().all(|round| round.kept == (round.loss <= 0.0)), "{rounds:?}");
     assert!(rounds.iter().any(|round| !round.kept));
 }
@@ -198,7 +198,7 @@ fn what_is_out_of_range_goes_where_it_is_not_needed() {
     splats.positions[7] = [0.0, 0.0, 500.0];
     let near = |options: &mut TrimOptions| (options.range, options.share) = (Some(20.0), 0.0);
     let (kept, rounds) = trimmed(&splats, 40.0, near);
-    assert_eq!(rounds[0].step, Step::OutOfRange);
+    assert_eq!(rounds[0].step, TrimStep::OutOfRange);
     assert!(rounds[0].kept && rounds[0].splats == 59, "{rounds:?}");
     assert!(kept.positions.iter().all(|p| p[2] < 20.0));
 }

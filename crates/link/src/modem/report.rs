@@ -190,7 +190,7 @@ impl Report {
         let poses = self.poses.and_then(|poses| poses.within(room));
         let room = room - poses.map_or(0, |poses| poses.len());
         let reported = &self.packets[..self.fitting(room)];
-        let mut bytes = Written { into, len: 0 };
+        let mut bytes = ReportWriter { into, len: 0 };
         let mark = MARK | self.stream << STREAM_SHIFT | if user.is_some() { USER } else { 0 };
         let mark = mark | if poses.is_some() { POSES } else { 0 };
         let [low, high, ..] = self.newest.to_le_bytes();
@@ -287,12 +287,12 @@ impl ReportedPacket {
 }
 
 /// What is written so far. There is room for all: see [`Report::fitting`].
-struct Written<'a> {
+struct ReportWriter<'a> {
     into: &'a mut [u8],
     len: usize,
 }
 
-impl Written<'_> {
+impl ReportWriter<'_> {
     fn add(&mut self, bytes: &[u8]) {
         self.into[self.len..][..bytes.len()].copy_from_slice(bytes);
         self.len += bytes.len();

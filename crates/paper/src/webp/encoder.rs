@@ -41,7 +41,7 @@ struct Source<'a> {
 }
 
 /// Whether a difference picture was coded, and whether the rate was kept.
-type Kept = (bool, bool);
+type Fitted = (bool, bool);
 
 /// One coding of the difference picture.
 struct Probe {
@@ -144,7 +144,7 @@ impl WebpEncoder {
         source: &Source,
         budget: usize,
         overhead: usize,
-    ) -> Result<Kept, WebpError> {
+    ) -> Result<Fitted, WebpError> {
         let room = budget.saturating_sub(overhead);
         if room == 0 {
             return Ok((false, false));
@@ -157,7 +157,7 @@ impl WebpEncoder {
     }
 
     /// The fewest bytes that reach the target, or the best picture there is.
-    fn reaching(&mut self, source: &Source, target: f64) -> Result<Kept, WebpError> {
+    fn reaching(&mut self, source: &Source, target: f64) -> Result<Fitted, WebpError> {
         if source.frame.psnr(source.render) >= target {
             return Ok((false, true));
         }

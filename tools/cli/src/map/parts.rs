@@ -16,7 +16,7 @@ use nvsprior_train::parts::{Cells, Parts, View, places, points_of_splats};
 
 use super::budget::Budget;
 use super::inputs::{self, Listed};
-use super::report::{Found, Poses};
+use super::report::{Poses, RunWorth};
 use super::{Args, Training, forward_seconds, memory, saved};
 use crate::container::Container;
 use whole::Whole;
@@ -180,7 +180,7 @@ impl PartsRun<'_> {
         ply::write_ply(&splats, &options.render, &none, &raw, &mut bytes)?;
         replace_file(&done, &bytes)?;
         saved::remove(&out)?;
-        report.finish(&mut mapper, splats.len(), forward, &Found::default())?;
+        report.finish(&mut mapper, splats.len(), forward, &RunWorth::default())?;
         Ok(splats)
     }
 

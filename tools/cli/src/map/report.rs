@@ -71,7 +71,7 @@ impl Poses {
 
 /// What a mapping run is worth, as far as that was found out.
 #[derive(Default)]
-pub struct Found {
+pub struct RunWorth {
     pub worth: Option<Worth>,
     pub sides: Option<Sides>,
 }
@@ -250,7 +250,7 @@ impl Report {
         mapper: &mut Mapper,
         splats: usize,
         forward: f64,
-        found: &Found,
+        found: &RunWorth,
     ) -> anyhow::Result<()> {
         let trained = self.trained_psnr(mapper)?;
         let doubt = self.doubt(trained);

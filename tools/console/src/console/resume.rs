@@ -14,7 +14,7 @@ const DIVE: f64 = 600.0;
 const EVERY: f64 = 30.0;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Kept {
+pub struct ResumeState {
     /// When the vehicle was heard last, UTC.
     pub time: f64,
     /// The prior's identity, and which key.
@@ -29,7 +29,7 @@ pub struct Kept {
 /// Writes it, if it can.
 pub struct Resume {
     path: PathBuf,
-    written: Option<Kept>,
+    written: Option<ResumeState>,
     has_failed: bool,
 }
 
@@ -39,8 +39,8 @@ impl Resume {
     }
 
     /// What was kept within this dive, of the same prior and key.
-    pub fn read(&self, now: f64, prior: &str, key: Option<&str>) -> Option<Kept> {
-        let kept: Kept = serde_json::from_slice(&std::fs::read(&self.path).ok()?).ok()?;
+    pub fn read(&self, now: f64, prior: &str, key: Option<&str>) -> Option<ResumeState> {
+        let kept: ResumeState = serde_json::from_slice(&std::fs::read(&self.path).ok()?).ok()?;
         let is_same = kept.prior == prior && kept.key.as_deref() == key;
         (is_same && (0.0..DIVE).contains(&(now - kept.time))).then_some(kept)
     }
@@ -49,9 +49,9 @@ impl Resume {
     ///
     /// # Errors
     /// If it cannot be written: once, until it can be again.
-    pub fn keep(&mut self, kept: Kept) -> anyhow::Result<()> {
+    pub fn keep(&mut self, kept: ResumeState) -> anyhow::Result<()> {
         let is_known = self.written.as_ref().is_some_and(|written| {
-            Kept { time: written.time, ..kept.clone() } == *written
+            ResumeState { time: written.time, ..kept.clone() } == *written
                 && kept.time - written.time < EVERY
         });
         if is_known {
@@ -82,7 +82,7 @@ mod tests {
         let mut resume = Resume::new(&folder.path().join("kept"));
         let region = Region::new([0.0, 0.0, 0.5, 0.5], 3);
         let key = Some("the key in a.key, epoch 1".to_owned());
-        let kept = Kept {
+        let kept = ResumeState {
             time: 1e9,
             prior: "12345678".into(),
             key: key.clone(),
@@ -100,14 +100,14 @@ mod tests {
         assert_eq!(read(1e9, "12345678", None), None, "without the key");
         std::fs::write(&resume.path, b"{\"time\":1e9").unwrap();
         assert_eq!(resume.read(1e9, "12345678", key.as_deref()), None, "half a file");
-        resume.keep(Kept { time: 1e9 + 1.0, ..kept.clone() }).unwrap();
+        resume.keep(ResumeState { time: 1e9 + 1.0, ..kept.clone() }).unwrap();
         assert_eq!(std::fs::read(&resume.path).unwrap().len(), 11, "nothing has changed");
-        resume.keep(Kept { is_recording: false, ..kept.clone() }).unwrap();
+        resume.keep(ResumeState { is_recording: false, ..kept.clone() }).unwrap();
         assert!(std::fs::read(&resume.path).unwrap().len() > 50);
         // A disk that fails is told once.
         std::fs::remove_dir_all(folder.path().join("kept")).unwrap();
         std::fs::write(folder.path().join("kept"), "no folder").unwrap();
-        let later = |seconds: f64| Kept { time: kept.time + seconds, ..kept.clone() };
+        let later = |seconds: f64| ResumeState { time: kept.time + seconds, ..kept.clone() };
         assert!(resume.keep(later(60.0)).is_err());
         assert!(resume.keep(later(120.0)).is_ok());
     }

@@ -19,7 +19,7 @@ use super::link_log::LinkLog;
 use super::missing::{Missing, ThisSide, Watch};
 use super::overlay::MemoryView;
 use super::pictures::{Pictures, Shown};
-use super::resume::{Kept, Resume};
+use super::resume::{Resume, ResumeState};
 use super::scene_views::SceneViews;
 use super::state::{Alarm, LinkState, PictureState, PoseState, PriorState, State, clock_name};
 use super::video::Video;
@@ -174,7 +174,7 @@ impl Topside {
         self.options.journal.note(now, "start", &start);
         let resume = self.options.resume.as_ref();
         let kept = resume.and_then(|resume| resume.read(now, identity, self.side.key.as_deref()));
-        let Some(Kept { camera, region, is_recording, .. }) = kept else { return };
+        let Some(ResumeState { camera, region, is_recording, .. }) = kept else { return };
         if let Some(camera) = &camera {
             // If it cannot be, the vehicle is asked for it.
             let _ = self.pictures.add_camera(camera);
@@ -273,7 +273,7 @@ impl Topside {
     fn keep_for_restart(&mut self) {
         let (resume, heard) = (self.options.resume.as_mut(), self.last_proven);
         let Some((resume, time)) = resume.zip(heard) else { return };
-        let kept = Kept {
+        let kept = ResumeState {
             time,
             prior: self.side.prior.identity.clone(),
             key: self.side.key.clone(),

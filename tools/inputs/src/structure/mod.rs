@@ -129,7 +129,7 @@ pub struct Structure {
 
 /// A step of the search for poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
+enum ColmapStep {
     /// All pictures are read once, before hours of work.
     Check,
     /// COLMAP's `feature_extractor`.
@@ -140,14 +140,14 @@ enum Step {
     Mapper,
 }
 
-impl Step {
+impl ColmapStep {
     /// What it does.
     fn name(self) -> String {
         let name = match self {
-            Step::Check => "checking pictures",
-            Step::Features => "finding features",
-            Step::Matches => "matching features",
-            Step::Mapper => "finding poses",
+            ColmapStep::Check => "checking pictures",
+            ColmapStep::Features => "finding features",
+            ColmapStep::Matches => "matching features",
+            ColmapStep::Mapper => "finding poses",
         };
         name.to_owned()
     }
@@ -176,7 +176,7 @@ pub enum StructureError {
         found.1, first.display(), expected.0, expected.1)]
     Sizes { path: PathBuf, found: (u32, u32), first: PathBuf, expected: (u32, u32) },
     #[error("{program} {command} {ended}; its last words: {last}; all of them: {}", log.display())]
-    Step { program: &'static str, command: String, ended: Ended, last: String, log: PathBuf },
+    ColmapStep { program: &'static str, command: String, ended: Ended, last: String, log: PathBuf },
     #[error("{program} found no two pictures to begin with: they must be sharp, overlap, show texture, and be taken \
         from different places; what it tried: {}", log.display())]
     NoModel { program: &'static str, log: PathBuf },

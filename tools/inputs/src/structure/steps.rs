@@ -11,7 +11,7 @@ use crate::progress::{Progress, Watch};
 use super::pictures::Listed;
 use super::program::{GLOBAL, Program, mapped, registered, share};
 use super::record::{Record, Standing};
-use super::{Lenses, Matching, Step, StructureError, StructureOptions};
+use super::{ColmapStep, Lenses, Matching, StructureError, StructureOptions};
 
 // What keeps a mapper from changing a lens that is known.
 const KEPT_LENS: [&str; 2] = ["ba_refine_focal_length", "ba_refine_extra_params"];
@@ -90,19 +90,19 @@ impl Workplace {
         if !pairs.is_empty() {
             watch(Progress::Says(estimate.text()));
         }
-        self.step((0, Step::Features), program, &features, watch, |place, watch| {
+        self.step((0, ColmapStep::Features), program, &features, watch, |place, watch| {
             place.command(program, &features, |line| tell(share(line), watch))
         })?;
         if !pairs.is_empty() {
             estimate.features_took(self.record.seconds(0));
             watch(Progress::Says(estimate.text()));
         }
-        self.step((1, Step::Matches), program, &matches, watch, |place, watch| {
+        self.step((1, ColmapStep::Matches), program, &matches, watch, |place, watch| {
             let list = place.path.join(pairs_file(options.matching));
             place.compare(program, &matches, (listed, &list), &pairs, watch)
         })?;
         let mapper = mapper(program, listed, options);
-        self.step((2, Step::Mapper), program, &mapper, watch, |place, watch| {
+        self.step((2, ColmapStep::Mapper), program, &mapper, watch, |place, watch| {
             let share = |line: &str| registered(line).map(|count| count as f64 / pictures as f64);
             let done = place.command(program, &mapper, |line| {
                 tell(mapped(line).or_else(|| share(line)), watch);
@@ -134,7 +134,7 @@ impl Workplace {
         options: &StructureOptions,
         watch: Watch,
     ) -> Result<Vec<(usize, usize)>, StructureError> {
-        watch(Progress::Begins(Step::Check.name()));
+        watch(Progress::Begins(ColmapStep::Check.name()));
         let count = listed.names.len() as f64;
         let seen = listed.look(|done| watch(Progress::At(Some(done as f64 / count))))?;
         let list = self.path.join(LIST);
@@ -153,7 +153,7 @@ impl Workplace {
     /// Runs a step unless it is done. Matching that was cut off goes on; other steps begin again.
     fn step(
         &mut self,
-        (index, step): (usize, Step),
+        (index, step): (usize, ColmapStep),
         program: &Program,
         arguments: &[String],
         watch: Watch,
@@ -202,7 +202,7 @@ impl Workplace {
     /// end.
     fn prepare(
         &self,
-        step: Step,
+        step: ColmapStep,
         standing: Standing,
         program: &Program,
     ) -> Result<(), StructureError> {
@@ -210,17 +210,17 @@ impl Workplace {
             self.remove(folder)?;
         }
         match (step, standing) {
-            (Step::Features, _) => {
+            (ColmapStep::Features, _) => {
                 for ending in ["", "-journal", "-wal", "-shm"] {
                     self.remove(&format!("{DATABASE}{ending}"))?;
                 }
                 Ok(())
             }
-            (Step::Matches, Standing::Other) => {
+            (ColmapStep::Matches, Standing::Other) => {
                 let words = ["database_cleaner", "--database_path", DATABASE, "--type", "matches"];
                 self.command(program, &words.map(str::to_owned), |_| {})
             }
-            (Step::Mapper, _) => {
+            (ColmapStep::Mapper, _) => {
                 let folder = self.path.join(SPARSE_PART);
                 std::fs::create_dir(&folder).map_err(StructureError::file(&folder))
             }
@@ -251,7 +251,7 @@ impl Workplace {
     /// A mapper fails with exit code 1 if it makes no model: that needs other words.
     fn no_model(&self, program: &Program, error: StructureError) -> Result<(), StructureError> {
         let code = match &error {
-            StructureError::Step { ended, .. } => ended.code(),
+            StructureError::ColmapStep { ended, .. } => ended.code(),
             _ => None,
         };
         let mut made = std::fs::read_dir(self.path.join(SPARSE_PART)).into_iter().flatten();

@@ -111,14 +111,14 @@ fn describe(video: &Video, watch: Watch) {
 }
 
 /// What was found out of a video.
-struct Found {
+struct VideoFacts {
     facts: Vec<Facts>,
     aspect: f64,
     notes: Vec<String>,
 }
 
 /// Decodes a video at a small size, and judges its frames.
-fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
+fn choose(video: &Video, watch: Watch) -> Result<VideoFacts, VideoError> {
     watch(Progress::Begins(format!("{}: choosing frames", video.name())));
     let mut reader = video.read(FrameSize::AtMost(WIDTH))?;
     let header = *reader.header();
@@ -133,7 +133,7 @@ fn choose(video: &Video, watch: Watch) -> Result<Found, VideoError> {
     for note in &notes {
         watch(Progress::Warns(note.clone()));
     }
-    Ok(Found { facts, aspect: f64::from(header.height) / f64::from(header.width), notes })
+    Ok(VideoFacts { facts, aspect: f64::from(header.height) / f64::from(header.width), notes })
 }
 
 /// Whether a video ends before its end.
@@ -162,7 +162,7 @@ fn write(
     folder: &mut Folder,
     asked: Asked,
     videos: &[Video],
-    (found, selections): (Vec<Found>, Vec<Selection>),
+    (found, selections): (Vec<VideoFacts>, Vec<Selection>),
     watch: Watch,
 ) -> Result<(), VideoError> {
     let mut records = Vec::new();
@@ -208,9 +208,9 @@ fn write(
 }
 
 /// Divides the most that is wanted by what each video would have without it.
-fn select_all(found: &[Found], asked: &Asked) -> Vec<Selection> {
+fn select_all(found: &[VideoFacts], asked: &Asked) -> Vec<Selection> {
     let wanted = Overlap::about(asked.overlap);
-    let by = |found: &Found, most| select(&found.facts, found.aspect, &wanted, most);
+    let by = |found: &VideoFacts, most| select(&found.facts, found.aspect, &wanted, most);
     let all: Vec<Selection> = found.iter().map(|found| by(found, None)).collect();
     let count: usize = all.iter().map(|selection| selection.choices.len()).sum();
     let Some(most) = asked.most.filter(|most| *most < count) else { return all };
@@ -245,7 +245,7 @@ fn told(video: &Video, breaks: &[Break]) -> Option<String> {
 fn write_video(
     folder: &Folder,
     (number, video): (usize, &Video),
-    found: &Found,
+    found: &VideoFacts,
     selection: &Selection,
     watch: Watch,
 ) -> Result<Vec<FrameRecord>, VideoError> {

@@ -186,7 +186,7 @@ impl Measured {
 }
 
 /// The poses that an encoder finds, one frame after the other.
-pub struct Found {
+pub struct FoundPoses {
     pub poses: Vec<Pose>,
     /// The renders there.
     pub renders: Vec<Picture>,
@@ -197,14 +197,15 @@ pub struct Found {
 }
 
 /// Has the engine look for all frames.
-pub fn found(context: &Context) -> anyhow::Result<Found> {
+pub fn found(context: &Context) -> anyhow::Result<FoundPoses> {
     let options = EncoderOptions { rate: None, ..context.options() };
     found_by(context, &mut context.encoder(options)?)
 }
 
 /// Has an encoder look for all frames, which codes no difference pictures.
-pub fn found_by(context: &Context, encoder: &mut dyn Searcher) -> anyhow::Result<Found> {
-    let mut found = Found { poses: Vec::new(), renders: Vec::new(), psnr: Vec::new(), ms: 0.0 };
+pub fn found_by(context: &Context, encoder: &mut dyn Searcher) -> anyhow::Result<FoundPoses> {
+    let mut found =
+        FoundPoses { poses: Vec::new(), renders: Vec::new(), psnr: Vec::new(), ms: 0.0 };
     let bar = progress(context.shots.len(), "renders");
     for shot in &context.shots {
         let Shot { file, picture, external, camera, .. } = shot;

@@ -52,7 +52,7 @@ impl Row {
 }
 
 /// Part of the prior that is drawn.
-enum Kept {
+enum DrawnPart {
     All,
     /// Spherical harmonics of degree 0 alone.
     Colour,
@@ -63,22 +63,22 @@ enum Kept {
 struct Setting {
     name: String,
     options: EncoderOptions,
-    kept: Kept,
+    kept: DrawnPart,
 }
 
 /// Each setting changes one thing from the default. Schedules are those of frames that follow
 /// another.
 fn settings(context: &Context) -> Vec<Setting> {
     let mut settings = Vec::new();
-    let mut add = |name: String, kept: Kept, change: &dyn Fn(&mut EncoderOptions)| {
+    let mut add = |name: String, kept: DrawnPart, change: &dyn Fn(&mut EncoderOptions)| {
         let mut options = context.options();
         change(&mut options);
         settings.push(Setting { name, options, kept });
     };
     let warm = context.options().refine.gauss_newton.warm;
-    add("default".into(), Kept::All, &|_| {});
+    add("default".into(), DrawnPart::All, &|_| {});
     for levels in [0b0111u32, 0b0101, 0b0011, 0b0001] {
-        add(format!("always levels {levels:03b}"), Kept::All, &|o| {
+        add(format!("always levels {levels:03b}"), DrawnPart::All, &|o| {
             let warm = &mut o.refine.gauss_newton.warm;
             let first = levels.ilog2() as usize;
             (warm.levels, warm.first_level, warm.follow_level) = (levels, first, first);
@@ -86,25 +86,25 @@ fn settings(context: &Context) -> Vec<Setting> {
         });
     }
     for renders in [1, 2, 4].into_iter().filter(|r| *r != warm.renders) {
-        add(format!("renders {renders}"), Kept::All, &|o| {
+        add(format!("renders {renders}"), DrawnPart::All, &|o| {
             o.refine.gauss_newton.warm.renders = renders;
         });
     }
     for leap in [0.0, 0.03, 0.1, 0.3].into_iter().filter(|l| *l != warm.leap) {
-        add(format!("leap {leap}"), Kept::All, &|o| o.refine.gauss_newton.warm.leap = leap);
+        add(format!("leap {leap}"), DrawnPart::All, &|o| o.refine.gauss_newton.warm.leap = leap);
     }
     for tolerance in [3e-2, 1e-2, 1e-3].into_iter().filter(|t| *t != warm.coarse_tolerance) {
-        add(format!("coarse tolerance {tolerance}"), Kept::All, &|o| {
+        add(format!("coarse tolerance {tolerance}"), DrawnPart::All, &|o| {
             o.refine.gauss_newton.warm.coarse_tolerance = tolerance;
         });
     }
-    add("depths exact".into(), Kept::All, &|o| o.refine.sort_precision = SortPrecision::Exact);
-    add("exact Jacobian".into(), Kept::All, &|o| o.refine.jacobian = Jacobian::Exact);
+    add("depths exact".into(), DrawnPart::All, &|o| o.refine.sort_precision = SortPrecision::Exact);
+    add("exact Jacobian".into(), DrawnPart::All, &|o| o.refine.jacobian = Jacobian::Exact);
     if context.prior.splats().sh_degree > 0 {
-        add("SH degree 0".into(), Kept::Colour, &|_| {});
+        add("SH degree 0".into(), DrawnPart::Colour, &|_| {});
     }
     for share in [0.5, 0.25] {
-        add(format!("splats {:.0} %", 100.0 * share), Kept::Share(share), &|_| {});
+        add(format!("splats {:.0} %", 100.0 * share), DrawnPart::Share(share), &|_| {});
     }
     settings
 }
@@ -163,11 +163,11 @@ pub fn recommended(rows: &[Row]) -> Option<&Row> {
 }
 
 /// The prior of what is kept; `None`: the whole.
-fn part(prior: &Prior, kept: &Kept) -> anyhow::Result<Option<Prior>> {
+fn part(prior: &Prior, kept: &DrawnPart) -> anyhow::Result<Option<Prior>> {
     let splats = match kept {
-        Kept::All => return Ok(None),
-        Kept::Colour => plain(prior.splats()),
-        Kept::Share(share) => {
+        DrawnPart::All => return Ok(None),
+        DrawnPart::Colour => plain(prior.splats()),
+        DrawnPart::Share(share) => {
             let count = (prior.splats().len() as f64 * share).ceil() as usize;
             chosen(prior.splats(), &largest(prior.splats(), count))
         }

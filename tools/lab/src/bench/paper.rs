@@ -23,7 +23,7 @@ use nvsprior_paper::{Optimizer, POSE_LEN};
 
 use super::RunArgs;
 use super::codecs::run::{Beside, Run};
-use super::codecs::{Found, affine, found, found_by};
+use super::codecs::{FoundPoses, affine, found, found_by};
 use super::context::Context;
 use estimator::{Estimates, estimates};
 use learned::Learned;
@@ -138,7 +138,7 @@ impl Runs {
     ) -> anyhow::Result<Runs> {
         let frames: Vec<_> = context.shots.iter().map(|shot| shot.picture.clone()).collect();
         let mut papers = context.papers(Optimizer::Bfgs)?;
-        let Found { poses, renders, psnr, ms } = found_by(context, &mut papers)?;
+        let FoundPoses { poses, renders, psnr, ms } = found_by(context, &mut papers)?;
         let decode_ms = render_ms(context, &poses)?;
         let beside = Beside { bytes: POSE_BYTES, encode_ms: ms, decode_ms };
         let grey = frames.clone();

@@ -1,6 +1,6 @@
 //! Starts moved off at random, the same in every run.
 
-use nvsprior::geometry::Step;
+use nvsprior::geometry::Twist;
 use nvsprior::random::Random;
 
 /// How far starts are moved off, along and about each axis: uniform in both directions.
@@ -21,7 +21,7 @@ pub const FAR: Magnitude = Magnitude { units: 0.3, degrees: 10.0 };
 pub const SHORT: f64 = 0.1;
 
 /// The endless sequence of steps of a seed, to apply to the best known poses.
-pub fn steps(magnitude: Magnitude, seed: u64) -> impl Iterator<Item = Step> {
+pub fn steps(magnitude: Magnitude, seed: u64) -> impl Iterator<Item = Twist> {
     let mut even = even(seed);
     let Magnitude { units, degrees } = magnitude;
     let limits = [units, units, units].into_iter().chain([degrees.to_radians(); 3]);
@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn steps_are_even_within_their_bounds_and_the_same_again() {
-        let drawn: Vec<Step> = steps(FAR, 7).take(1000).collect();
+        let drawn: Vec<Twist> = steps(FAR, 7).take(1000).collect();
         assert_eq!(drawn, steps(FAR, 7).take(1000).collect::<Vec<_>>());
         assert_ne!(drawn, steps(FAR, 8).take(1000).collect::<Vec<_>>());
         for axis in 0..6 {

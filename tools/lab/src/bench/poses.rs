@@ -51,7 +51,7 @@ const BELOW: f64 = 0.3;
 const LEAST: f64 = 0.01;
 
 /// What was found for a frame.
-struct Found {
+struct FoundPose {
     file: String,
     /// From the camera file's pose to the one found, along and about the camera's axes: the prior's unit, radians.
     error: [f64; 6],
@@ -62,7 +62,7 @@ struct Found {
     below: Vec<f64>,
 }
 
-impl Found {
+impl FoundPose {
     fn ratios(&self) -> [f64; 6] {
         let deviation = self.stats.pose_deviation();
         std::array::from_fn(|i| self.error[i].abs() / deviation[i])
@@ -72,7 +72,7 @@ impl Found {
 /// The frames of a run under a condition.
 struct Run {
     condition: Condition,
-    frames: Vec<Found>,
+    frames: Vec<FoundPose>,
 }
 
 /// An axis over the certain frames.
@@ -150,7 +150,7 @@ fn frames(
     condition: Condition,
     compares: bool,
     done: impl Fn(),
-) -> anyhow::Result<Vec<Found>> {
+) -> anyhow::Result<Vec<FoundPose>> {
     let options = EncoderOptions { rate: None, ..context.options() };
     let mut alone = compares.then(|| context.encoder(options.clone())).transpose()?;
     let mut encoder = context.encoder(options)?;
@@ -178,7 +178,7 @@ fn frames(
         let alone = alone.as_mut();
         let below = alone.map(|encoder| below(encoder, &given, &truth, &stats)).transpose()?;
         let below = below.unwrap_or_default();
-        frames.push(Found { file: shot.file.clone(), error, stats, bytes, below });
+        frames.push(FoundPose { file: shot.file.clone(), error, stats, bytes, below });
         done();
     }
     Ok(frames)
@@ -211,12 +211,12 @@ fn coder_setup(context: &Context) -> ResidualSetup {
 
 fn summary(run: &Run) -> Summary {
     let frames = &run.frames;
-    let certain: Vec<&Found> = frames.iter().filter(|found| found.stats.certain).collect();
+    let certain: Vec<&FoundPose> = frames.iter().filter(|found| found.stats.certain).collect();
     let known = || frames.iter().filter(|found| found.stats.known.is_some());
-    let wrong = |found: &&Found| !found.ratios().iter().all(|ratio| *ratio <= MOST);
-    let of = |figure: &dyn Fn(&Found) -> f64| median(certain.iter().map(|found| figure(found)));
+    let wrong = |found: &&FoundPose| !found.ratios().iter().all(|ratio| *ratio <= MOST);
+    let of = |figure: &dyn Fn(&FoundPose) -> f64| median(certain.iter().map(|found| figure(found)));
     let length = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let mean = |figure: &dyn Fn(&Found) -> f64| {
+    let mean = |figure: &dyn Fn(&FoundPose) -> f64| {
         frames.iter().map(figure).sum::<f64>() / frames.len() as f64
     };
     Summary {
@@ -236,11 +236,11 @@ fn summary(run: &Run) -> Summary {
     }
 }
 
-fn axis(i: usize, certain: &[&Found]) -> Axis {
-    let share = |holds: &dyn Fn(&Found) -> bool| {
+fn axis(i: usize, certain: &[&FoundPose]) -> Axis {
+    let share = |holds: &dyn Fn(&FoundPose) -> bool| {
         certain.iter().filter(|found| holds(found)).count() as f64 / certain.len() as f64
     };
-    let deviation = |found: &Found| found.stats.pose_deviation()[i];
+    let deviation = |found: &FoundPose| found.stats.pose_deviation()[i];
     Axis {
         name: AXES[i],
         error: median(certain.iter().map(|found| found.error[i].abs())),
@@ -260,7 +260,7 @@ fn table(runs: &[Run]) -> Table {
     let mut table = Table::new(header.chain(["starts_below_db".to_owned()]));
     for Run { condition, frames } in runs {
         for found in frames {
-            let Found { file, error, stats, bytes, below } = found;
+            let FoundPose { file, error, stats, bytes, below } = found;
             let told = [
                 condition.name().to_owned(),
                 file.clone(),

@@ -13,7 +13,7 @@ use crate::bench::context::{Context, Shot};
 use nvsprior_inputs::statistics::Spread;
 
 /// A frame's pose, and how long the search for it took, if there was one.
-pub struct Found {
+pub struct ShotPose {
     /// Which frame.
     pub shot: usize,
     pub pose: Pose,
@@ -46,7 +46,7 @@ struct Coders<'a> {
 /// allows. The first one does not count. Fails if a decoded picture is not the encoder's.
 pub fn measure(
     context: &Context,
-    found: &[Found],
+    found: &[ShotPose],
     budget: usize,
     pace: &Pace,
     done: impl Fn(),
@@ -82,7 +82,7 @@ impl Coders<'_> {
         })
     }
 
-    fn code(&mut self, found: &Found, budget: usize) -> anyhow::Result<Coded> {
+    fn code(&mut self, found: &ShotPose, budget: usize) -> anyhow::Result<Coded> {
         let Coders { context, camera, .. } = self;
         let Shot { file, picture, .. } = &context.shots[found.shot];
         let portable = context.engine.device().portable;

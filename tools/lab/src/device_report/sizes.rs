@@ -5,7 +5,7 @@ use nvsprior::vulkan::MemoryUse;
 use nvsprior::{Camera, EncoderOptions, Engine};
 use nvsprior_inputs::args::{progress, with_progress};
 
-use super::coding::{self, Found};
+use super::coding::{self, ShotPose};
 use super::pace::Pace;
 use super::schema::Size;
 use super::{Frame, Measuring, Subject, stages};
@@ -84,7 +84,7 @@ impl Measuring {
     }
 
     /// Measures the search for frames that follow each other. Returns the poses to code frames at.
-    fn follow(&mut self, measured: &mut Measured, camera: &Camera) -> Vec<Found> {
+    fn follow(&mut self, measured: &mut Measured, camera: &Camera) -> Vec<ShotPose> {
         let Measured { context, size, seconds, render_seconds, .. } = measured;
         let pace = self.pace(*seconds * STEADY);
         let what = at(camera, "search, frame after frame");
@@ -97,10 +97,10 @@ impl Measuring {
                 })
             });
         size.steady = samples.as_ref().map(|samples| Figures::of(context, samples));
-        let mut found: Vec<Found> = context.best.iter().enumerate().map(known).collect();
+        let mut found: Vec<ShotPose> = context.best.iter().enumerate().map(known).collect();
         for sample in samples.iter().flatten() {
             let (pose, search_ms) = (sample.pose, Some(sample.frame_ms()));
-            found[sample.shot] = Found { shot: sample.shot, pose, search_ms };
+            found[sample.shot] = ShotPose { shot: sample.shot, pose, search_ms };
         }
         // If a search was measured, only its frames are coded, after the first one.
         found.truncate(samples.map_or(found.len(), |samples| samples.len() + 1));
@@ -124,7 +124,7 @@ impl Measuring {
         &mut self,
         measured: &mut Measured,
         camera: &Camera,
-        found: &[Found],
+        found: &[ShotPose],
         budgets: &[usize],
     ) {
         let Measured { context, size, seconds, .. } = measured;
@@ -181,8 +181,8 @@ fn at(camera: &Camera, what: &str) -> String {
 }
 
 /// A frame at the best known pose.
-fn known((shot, best): (usize, &Best)) -> Found {
-    Found { shot, pose: best.pose, search_ms: None }
+fn known((shot, best): (usize, &Best)) -> ShotPose {
+    ShotPose { shot, pose: best.pose, search_ms: None }
 }
 
 /// Uploads the prior; draws frames, and their renders, as long as the pace allows, two at least.

@@ -6,7 +6,7 @@ use nvsprior_paper::Optimizer;
 
 use super::case::{Bench, Case, Group, Row};
 use super::measure::{Limits, Scenario};
-use super::refined::{Found, Sought};
+use super::refined::{Refinement, Sought};
 use super::scenes::{self, One, Random};
 
 pub const GROUP: Group = Group {
@@ -107,7 +107,7 @@ fn case(
     })
 }
 
-fn check(row: &mut Row, sought: &Sought, found: &Found, holds: Holds) {
+fn check(row: &mut Row, sought: &Sought, found: &Refinement, holds: Holds) {
     let open = found.observability.undetermined().count();
     match holds {
         Holds::Stiff | Holds::Jumps => {}
@@ -129,7 +129,7 @@ fn check(row: &mut Row, sought: &Sought, found: &Found, holds: Holds) {
 }
 
 /// How far a search went along directions that the picture does not determine, in depths and radians.
-fn along_open(sought: &Sought, found: &Found) -> f64 {
+fn along_open(sought: &Sought, found: &Refinement) -> f64 {
     let length = found.observability.length.max(f64::MIN_POSITIVE);
     let motion = found.outcome.pose.after(&sought.start.inverse()).log();
     let along = |direction: &[f64; 6]| -> f64 {

@@ -15,7 +15,7 @@ pub const OPTIMIZERS: [Optimizer; 4] =
     [Optimizer::GaussNewton, Optimizer::Bfgs, Optimizer::Adam, Optimizer::AdamBfgs];
 
 /// What a search came to.
-pub struct Found {
+pub struct Refinement {
     pub outcome: Outcome,
     pub observability: Observability,
     evaluations: usize,
@@ -45,7 +45,7 @@ pub fn picture(
 impl Sought<'_> {
     /// Searches, and checks what every search must do: end no worse than it began, at finite numbers, and no farther
     /// off than the scene is deep.
-    pub fn refine(&self, bench: &Bench, optimizer: Optimizer) -> anyhow::Result<(Found, Row)> {
+    pub fn refine(&self, bench: &Bench, optimizer: Optimizer) -> anyhow::Result<(Refinement, Row)> {
         let since = Instant::now();
         let refine = RefineOptions::default();
         let search = optimizer == Optimizer::GaussNewton;
@@ -82,25 +82,29 @@ impl Sought<'_> {
     }
 
     /// By the engine.
-    fn tracked(&self, objective: Objective, refine: RefineOptions) -> anyhow::Result<Found> {
+    fn tracked(&self, objective: Objective, refine: RefineOptions) -> anyhow::Result<Refinement> {
         let mut tracker = Tracker::new(objective, refine, 1e-3, COMPACT);
         let found = tracker.track(self.frame, &self.start.into())?;
         let found = found.context("a start was given")?;
         let (outcome, observability) = (found.outcome, found.observability);
-        Ok(Found { outcome, observability, evaluations: tracker.trace().len() })
+        Ok(Refinement { outcome, observability, evaluations: tracker.trace().len() })
     }
 
     /// By one of the paper's methods.
-    fn descended(&self, mut objective: Objective, optimizer: Optimizer) -> anyhow::Result<Found> {
+    fn descended(
+        &self,
+        mut objective: Objective,
+        optimizer: Optimizer,
+    ) -> anyhow::Result<Refinement> {
         objective.set_frame(self.frame);
         let options = DescentOptions { optimizer, ..DescentOptions::default() };
         let outcome = minimise(&mut objective, &self.start, &options)?;
         let (observability, evaluations) = (*objective.observability(), objective.trace().len());
-        Ok(Found { outcome, observability, evaluations })
+        Ok(Refinement { outcome, observability, evaluations })
     }
 
     /// How far the camera went from the start, the prior's unit.
-    pub fn moved(&self, found: &Found) -> f64 {
+    pub fn moved(&self, found: &Refinement) -> f64 {
         (found.outcome.pose.centre() - self.start.centre()).length()
     }
 }
@@ -109,7 +113,7 @@ impl Sought<'_> {
 const ROUNDING: f64 = 2.0 / (12.0 * 255.0 * 255.0);
 
 /// Condition, deviations and open directions, in words.
-fn spectrum(found: &Found) -> String {
+fn spectrum(found: &Refinement) -> String {
     let o = &found.observability;
     let open = o.undetermined().count();
     format!(

@@ -1,7 +1,7 @@
 //! The twin's exact Jacobian against central differences of the twin's colours. Both are with the exact power of 2, not
 //! with that of the final picture. Medians are compared, as the cuts make true jumps, which grow as the step shrinks.
 
-use nvsprior::geometry::Step;
+use nvsprior::geometry::Twist;
 use nvsprior::render::Jacobian;
 use nvsprior::{Camera, Pose, Prior, RenderOptions};
 use nvsprior_reference::Twin;
@@ -14,7 +14,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-fn unit(k: usize, size: f64) -> Step {
+fn unit(k: usize, size: f64) -> Twist {
     std::array::from_fn(|j| if j == k { size } else { 0.0 })
 }
 

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use nvsprior::parts::{
-    Bytes, CameraPose, Channels, Held, LevelBuffers, Pass, SplatBuffers, Stages, TrainingKernels,
-    Workspace, posed, prototype,
+    Bytes, CameraPose, Channels, DrawnSplats, LevelBuffers, Pass, SplatBuffers, Stages,
+    TrainingKernels, Workspace, posed, prototype,
 };
 use nvsprior::prior::RenderOptions;
 use nvsprior::render::{Kernels, PipelineKey};
@@ -286,7 +286,7 @@ impl Trainer {
             own("geometry", GEOMETRY_PLANES)?,
             own("spherical harmonics", sh_planes(plan.sh_degree))?,
         ];
-        let held = Held::all(plan.splats, f32::INFINITY);
+        let held = DrawnSplats::all(plan.splats, f32::INFINITY);
         let splats = SplatBuffers::new(scene_kernels, buffers, &held, plan.options);
         let [width, height] = plan.size;
         let camera = Camera { width, height, fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0 };
@@ -443,7 +443,7 @@ impl Trainer {
         let TrainingView { camera, pose, factor, .. } = *view;
         // Training moves the splats.
         let (splats, stride) = (self.in_use, self.splats.room);
-        let held = Held { splats, stride, radius: f32::INFINITY };
+        let held = DrawnSplats { splats, stride, radius: f32::INFINITY };
         let own = prototype(&self.plan.options, &held, camera, factor, 0);
         let Params { sort_blocks, tiles_per_group, .. } = self.levels.sizes[0].params;
         let pair_capacity = self.grown.work.pair_capacity;

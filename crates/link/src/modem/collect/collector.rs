@@ -15,7 +15,7 @@ use super::collected::{Collected, CollectedPacket, CollectorStatistics};
 use super::plain::{Bond, How};
 use super::slot::{Slot, Taken};
 use super::stream::Stream;
-use super::waiting::{Kept, Waiting};
+use super::waiting::{Insertion, Waiting};
 
 /// How to collect shares.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -312,12 +312,12 @@ impl Collector {
             return Ok(taken);
         }
         Ok(match waiting[later.tag].keep(&later) {
-            Kept::New => Taken::Waits,
-            Kept::InsteadOf => {
+            Insertion::New => Taken::Waits,
+            Insertion::InsteadOf => {
                 statistics.rejected += 1;
                 Taken::Waits
             }
-            Kept::Duplicate => Taken::Duplicate,
+            Insertion::Duplicate => Taken::Duplicate,
         })
     }
 

@@ -12,13 +12,13 @@ pub struct Waiting {
     /// Data. Each share's data lies at its place in the packet without the first share.
     data: Vec<u8>,
     /// By index less one.
-    shares: Vec<Option<Held>>,
+    shares: Vec<Option<Continued>>,
     count: usize,
 }
 
 /// What is kept of a continuation besides its data.
 #[derive(Clone, Copy)]
-struct Held {
+struct Continued {
     check: u16,
     len: u16,
     last: bool,
@@ -26,7 +26,7 @@ struct Held {
 
 /// What became of a continuation.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Kept {
+pub enum Insertion {
     /// It is kept.
     New,
     /// It is kept, another of its index is not any more.
@@ -38,7 +38,7 @@ pub enum Kept {
 impl Waiting {
     /// Bytes of memory for `shares` shares of a packet, the first one counted.
     pub fn memory(layout: Layout, shares: usize) -> usize {
-        (shares - 1) * (layout.full() + size_of::<Option<Held>>())
+        (shares - 1) * (layout.full() + size_of::<Option<Continued>>())
     }
 
     pub fn new(layout: Layout, tag: usize, shares: usize) -> Result<Waiting, ModemError> {
@@ -52,24 +52,25 @@ impl Waiting {
     }
 
     /// Keeps a continuation whose index there is room for.
-    pub fn keep(&mut self, later: &Continuation) -> Kept {
+    pub fn keep(&mut self, later: &Continuation) -> Insertion {
         let kept = match self.get(later.index) {
-            None => Kept::New,
+            None => Insertion::New,
             Some(held) if held.check == later.check && held.data == later.data => {
-                return Kept::Duplicate;
+                return Insertion::Duplicate;
             }
-            Some(_) => Kept::InsteadOf,
+            Some(_) => Insertion::InsteadOf,
         };
         let at = (later.index - 1) * self.layout.full();
         self.data[at..at + later.data.len()].copy_from_slice(later.data);
         let len = later.data.len() as u16;
-        self.shares[later.index - 1] = Some(Held { check: later.check, len, last: later.last });
-        self.count += usize::from(kept == Kept::New);
+        self.shares[later.index - 1] =
+            Some(Continued { check: later.check, len, last: later.last });
+        self.count += usize::from(kept == Insertion::New);
         kept
     }
 
     pub fn get(&self, index: usize) -> Option<Continuation<'_>> {
-        let Held { check, len, last } = (*self.shares.get(index - 1)?)?;
+        let Continued { check, len, last } = (*self.shares.get(index - 1)?)?;
         let at = (index - 1) * self.layout.full();
         let data = &self.data[at..at + usize::from(len)];
         Some(Continuation { tag: self.tag, index, last, check, data })
@@ -92,6 +93,6 @@ impl Waiting {
 
     #[cfg(test)]
     pub fn capacity(&self) -> usize {
-        self.data.capacity() + self.shares.capacity() * size_of::<Option<Held>>()
+        self.data.capacity() + self.shares.capacity() * size_of::<Option<Continued>>()
     }
 }

@@ -7,7 +7,7 @@ use indicatif::ProgressBar;
 use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{Besides, Extras, Splats};
 use nvsprior::{Engine, Prior};
-use nvsprior_train::trim::{Judge, Round, Step};
+use nvsprior_train::trim::{Judge, Round, TrimStep};
 
 use crate::container::Container;
 use crate::mission::{self, Mission};
@@ -163,12 +163,12 @@ fn percent(part: usize, of: usize) -> f64 {
 }
 
 /// In words, what a round leaves out.
-fn words(step: &Step) -> String {
+fn words(step: &TrimStep) -> String {
     match step {
-        Step::Unseen => "splats that no view shows".into(),
-        Step::OutOfRange => "splats out of range".into(),
-        Step::Band => "the highest band of spherical harmonics".into(),
-        Step::Share(share) => {
+        TrimStep::Unseen => "splats that no view shows".into(),
+        TrimStep::OutOfRange => "splats out of range".into(),
+        TrimStep::Band => "the highest band of spherical harmonics".into(),
+        TrimStep::Share(share) => {
             format!("{:.1} % of the splats, those that show least", 100.0 * share)
         }
     }

@@ -1,6 +1,6 @@
 //! Perturbations of starts: along or about one axis of the camera, as in the paper's ablations.
 
-use nvsprior::geometry::Step;
+use nvsprior::geometry::Twist;
 
 use super::super::perturbed::even;
 
@@ -89,7 +89,7 @@ impl Perturbation {
     }
 
     /// The step that it is, to apply to the best known pose.
-    pub fn step(&self) -> Step {
+    pub fn step(&self) -> Twist {
         let mut step = [0.0; 6];
         match self.kind {
             Kind::Translation => step[self.axis] = self.value,

@@ -1,7 +1,7 @@
 //! The motion that brings points of a render onto the places at which the camera sees them.
 
 use glam::DVec3;
-use nvsprior::geometry::Step;
+use nvsprior::geometry::Twist;
 use nvsprior::{Camera, Pose};
 
 /// A point of the render, and its keypoint in the camera's picture.
@@ -104,7 +104,12 @@ fn improved(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) -> 
 }
 
 /// Normal equations of the reprojection error with respect to a left perturbation of the motion.
-fn equations(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) -> ([Step; 6], Step) {
+fn equations(
+    camera: &Camera,
+    pairs: &[Pair],
+    weights: &[f64],
+    motion: &Pose,
+) -> ([Twist; 6], Twist) {
     let (mut hessian, mut gradient) = ([[0.0; 6]; 6], [0.0; 6]);
     let [fx, fy] = [camera.fx, camera.fy].map(f64::from);
     for (pair, weight) in pairs.iter().zip(weights) {
@@ -130,7 +135,7 @@ fn equations(camera: &Camera, pairs: &[Pair], weights: &[f64], motion: &Pose) ->
 }
 
 /// Solves a symmetric positive definite system by Cholesky's method; `None` if the matrix is not positive definite.
-fn solve(a: [Step; 6], b: Step) -> Option<Step> {
+fn solve(a: [Twist; 6], b: Twist) -> Option<Twist> {
     let mut l = [[0.0; 6]; 6];
     for i in 0..6 {
         for j in 0..=i {

@@ -1,7 +1,7 @@
 //! From how far off a start leads to the best known pose.
 
 use nvsprior::Hint;
-use nvsprior::geometry::Step;
+use nvsprior::geometry::Twist;
 
 use super::super::context::Context;
 use super::super::perturbed::even;
@@ -39,7 +39,7 @@ impl Figure {
     }
 
     /// A step by 75 to 100 % of the figure, of either sign, along or about a random axis. Also returns its name.
-    fn step(self, drawn: &mut impl Iterator<Item = f64>) -> (Step, String) {
+    fn step(self, drawn: &mut impl Iterator<Item = f64>) -> (Twist, String) {
         let mut next = || drawn.next().unwrap_or_default();
         let axis = (((next() + 1.0) * 1.5) as usize).min(2);
         let sign = next().signum();
@@ -90,7 +90,7 @@ mod tests {
     fn steps_are_along_one_axis_and_nearly_as_large_as_the_figure() {
         for figure in FIGURES {
             let mut drawn = even(1);
-            let steps: Vec<Step> = (0..300).map(|_| figure.step(&mut drawn).0).collect();
+            let steps: Vec<Twist> = (0..300).map(|_| figure.step(&mut drawn).0).collect();
             let limit = match figure {
                 Figure::Degrees(value) => value.to_radians(),
                 Figure::Units(value) => value,
