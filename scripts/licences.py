@@ -2,7 +2,7 @@
 """What is linked into library, program, GStreamer plugin and Python package: licences as Debian's copyright files, and
 bills of materials in the form CycloneDX.
 
-Usage: licences.py write   runs cargo-about and cargo-cyclonedx (minutes), writes packaging/licences/*.copyright and
+Usage: licences.py write   runs cargo-about (feature cli) and cargo-cyclonedx (minutes), writes packaging/licences/*.copyright and
                            packaging/sbom/*.cdx.json
        licences.py check   fails if a crate is linked in that these files do not name
 
@@ -40,7 +40,9 @@ Comment: Written by scripts/licences.py. After nvsprior's own files come those o
 Files: *
 Copyright: The nvsprior authors
 License: Expat or Apache-2.0
+"""
 
+WEBP = """
 Files: vendor/libwebp-sys/vendor/*
 Copyright: 2010 Google Inc.
 License: BSD-3-clause-libwebp
@@ -138,13 +140,10 @@ def libwebp():
 
 def write(part, report):
     # The paragraph of each licence that the head and the tail name.
-    folder = libwebp()
-    webp = (folder / "COPYING").read_text() + "\n" + (folder / "PATENTS").read_text()
     expat = (ROOT / "LICENSE-MIT").read_text().split("\n\n", 2)[2]
     exception = FOLDER.joinpath("LLVM-exception.txt").read_text()
     licences = (
         "License: Expat\n" + field(expat) + "\nLicense: Apache-2.0\n" + field(common("Apache-2.0"))
-        + "\nLicense: BSD-3-clause-libwebp\n" + field(webp)
         + "\nLicense: Apache-2.0 with LLVM-exception\n" + field(common("Apache-2.0") + "\n" + exception)
     )
     texts = [({used["crate"]["name"] for used in licence["used_by"]}, licence["id"], licence["text"])
@@ -153,6 +152,10 @@ def write(part, report):
                     for used in licence["used_by"] if not OURS.match(used["crate"]["name"])})
     crates = "Comment: Crates and versions:\n" + field("\n".join(named)) + "\n"
     head = HEAD.replace("Comment: Written", crates.rstrip("\n") + "\n .\n Written", 1)
+    if any(crate.startswith("libwebp-sys ") for crate in named):
+        folder = libwebp()
+        text = (folder / "COPYING").read_text() + "\n" + (folder / "PATENTS").read_text()
+        head, licences = head + WEBP, licences + "\nLicense: BSD-3-clause-libwebp\n" + field(text)
     (FOLDER / f"{part}.copyright").write_text(head + "\n" + "".join(stanzas(texts)) + TAIL + licences)
     print(f"{part}: {len(named)} crates, {len(report['licenses'])} texts")
 
