@@ -2,8 +2,8 @@
 """What is linked into library, program, GStreamer plugin and Python package: licences as Debian's copyright files, and
 bills of materials in the form CycloneDX.
 
-Usage: licences.py write   runs cargo-about (feature cli) and cargo-cyclonedx (minutes), writes packaging/licences/*.copyright and
-                           packaging/sbom/*.cdx.json
+Usage: licences.py write   runs cargo-about (its feature cli) and cargo-cyclonedx (minutes), writes
+                           packaging/licences/*.copyright and packaging/sbom/*.cdx.json
        licences.py check   fails if a crate is linked in that these files do not name
 
 Debian's form: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/
