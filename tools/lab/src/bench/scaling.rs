@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::configurations::chosen;
 use super::context::Context;
 use super::perturbed::even;
+use super::plot::Curve;
 use super::{RunArgs, optimum, plot};
 use nvsprior_inputs::args::with_progress;
 use nvsprior_inputs::report::{Table, fixed_or_empty, write_json};
@@ -53,7 +54,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         table.print();
         table.write_csv(&folder.join("scaling.csv"))?;
         write_json(&folder.join("scaling.json"), &rows)?;
-        plot::scaling(&folder.join("scaling.svg"), &rows)
+        plot::scaling(&folder.join("scaling.svg"), curves(&rows))
     })
 }
 
@@ -93,6 +94,19 @@ fn table(rows: &[Row]) -> Table {
             ("error", &|r| r.error.clone().unwrap_or_default()),
         ],
     )
+}
+
+/// Milliseconds against splats: at each size, of a forward render and of an evaluation.
+fn curves(rows: &[Row]) -> Vec<Curve> {
+    let of = |(width, height): (u32, u32), what: &str, ms: fn(&Row) -> Option<f64>| {
+        let own = rows.iter().filter(|row| (row.width, row.height) == (width, height));
+        let points = own.filter_map(|row| Some((row.splats as f64, ms(row)?)));
+        (format!("{width}×{height}, {what}"), points.collect())
+    };
+    let both = |size| {
+        [of(size, "forward render", |r| r.forward_ms), of(size, "evaluation", |r| r.evaluation_ms)]
+    };
+    SIZES.into_iter().flat_map(both).filter(|(_, points): &Curve| !points.is_empty()).collect()
 }
 
 /// Milliseconds of a forward render and of an evaluation.

@@ -11,8 +11,7 @@ use nvsprior::{Encoder, Engine, Prior, RenderOverrides};
 use nvsprior_inputs::args::progress;
 use serde_json::{Value, json};
 
-use super::measured::{frame, options};
-use super::residency;
+use super::measured::{frame, options, residency};
 use super::tiled::{CAMERA, STEP, pose};
 use nvsprior_inputs::statistics::median;
 

@@ -5,13 +5,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use nvsprior::prior::blocked::BlockedPrior;
-use nvsprior::render::{BlockReader, Plan, Renderer};
+use nvsprior::render::{BlockReader, Plan, Renderer, Scene};
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Rate};
 use serde_json::{Value, json};
 
 use super::super::context::host_bytes;
 use super::super::perturbed::even;
-use super::residency;
 use super::tiled::{CAMERA, STEP, pose};
 use nvsprior_inputs::statistics::median;
 
@@ -82,4 +81,19 @@ pub fn measure(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value
         "full_renders": renders,
         "psnr": psnr,
     }))
+}
+
+/// What a process tells of a scene's blocks.
+pub fn residency(scene: &Scene) -> Value {
+    let Some(residency) = scene.residency() else { return Value::Null };
+    json!({
+        "blocks": residency.blocks,
+        "splats": residency.splats,
+        "room": residency.room,
+        "host_bytes": residency.host_bytes,
+        "changes": residency.changes,
+        "blocks_waited_for": residency.waits,
+        "repeated_searches": residency.repeated,
+        "incomplete_searches": residency.incomplete,
+    })
 }
