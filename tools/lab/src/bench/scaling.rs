@@ -1,7 +1,5 @@
 //! `nvsprior-lab scaling`: time against the number of splats and the size of the picture.
 
-use std::time::Instant;
-
 use nvsprior::prior::Splats;
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior::{Camera, Picture, Prior};
@@ -9,6 +7,7 @@ use serde::Serialize;
 
 use super::configurations::chosen;
 use super::context::Context;
+use super::forward::timed;
 use super::perturbed::even;
 use super::plot::Curve;
 use super::{RunArgs, optimum, plot};
@@ -121,12 +120,8 @@ fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<[f6
     let (mut forward, mut evaluation) = (Vec::new(), Vec::new());
     // The first round does not count: drivers finish their work at first use.
     for _ in 0..=RUNS {
-        let since = Instant::now();
-        renderer.picture(&pose, &mut picture)?;
-        forward.push(since.elapsed().as_secs_f64() * 1e3);
-        let since = Instant::now();
-        renderer.normal_equations(0, Jacobian::Flow, &pose)?;
-        evaluation.push(since.elapsed().as_secs_f64() * 1e3);
+        forward.push(timed(|| Ok(renderer.picture(&pose, &mut picture)?))?.1);
+        evaluation.push(timed(|| Ok(renderer.normal_equations(0, Jacobian::Flow, &pose)?))?.1);
     }
     let counted = |times: Vec<f64>| median(times.into_iter().skip(1));
     Ok([forward, evaluation].map(counted))

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Plan, Renderer, Scene};
@@ -10,6 +9,7 @@ use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Rate};
 use serde_json::{Value, json};
 
 use super::super::context::host_bytes;
+use super::super::forward::timed;
 use super::super::perturbed::even;
 use super::tiled::{CAMERA, STEP, pose};
 use nvsprior_inputs::statistics::median;
@@ -55,10 +55,9 @@ pub fn measure(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value
         let along = begin + APART * i as f64;
         let frame = frame(&mut renderer, along)?;
         let hint = (i == 0).then(|| pose(along));
-        let since = Instant::now();
-        let encoded = encoder.encode(&frame, hint)?;
+        let (encoded, ms) = timed(|| Ok(encoder.encode(&frame, hint)?))?;
         if i >= WARM_UP {
-            times.push(since.elapsed().as_secs_f64() * 1e3);
+            times.push(ms);
             psnr += encoded.stats.psnr / FRAMES as f64;
             certain += usize::from(encoded.stats.certain);
             renders += encoded.stats.full_renders;
