@@ -287,19 +287,12 @@ class Tree:
         if (id(module), tuple(path)) in seen or len(seen) > 40:
             return None
         seen = (*seen, (id(module), tuple(path)))
-        if first == "crate":
-            return self.find(self.root, rest, seen) if rest else (self.root, None)
-        if first == "self":
-            return self.find(module, rest, seen) if rest else (module, None)
-        if first == "super":
-            if module.parent is None:
-                return None
-            return self.find(module.parent, rest, seen) if rest else (module.parent, None)
+        if first in ("crate", "self", "super"):
+            base = {"crate": self.root, "self": module, "super": module.parent}[first]
+            return base and (self.find(base, rest, seen) if rest else (base, None))
         if first in module.children and (rest or first not in module.items):
             child = module.children[first]
-            if not rest:
-                return child, None
-            if inside := self.find(child, rest, seen):
+            if inside := self.find(child, rest, seen) if rest else (child, None):
                 return inside
         if first in module.items:
             return module, first
@@ -375,15 +368,6 @@ def room_of(file, known):
     return name
 
 
-def circle(arrows):
-    """The files of a circle, if there is one."""
-    try:
-        graphlib.TopologicalSorter(arrows).prepare()
-    except graphlib.CycleError as error:
-        return sorted(set(error.args[1]))
-    return []
-
-
 def faults(arrows):
     """What breaks the rules of src/, as lines."""
     known, lines = levels(), []
@@ -401,15 +385,19 @@ def faults(arrows):
 
 def circles(arrows, crate=""):
     """The circle of a crate's files, if there is one, as lines."""
-    part = circle(arrows)
-    lines = [f"circle of {len(part)} files: {crate}{' '.join(part)}"] if part else []
-    within = [(file, other) for file in part for other in sorted(arrows[file]) if other in part]
-    return lines + [f"    {a} -> {b}: {', '.join(sorted(arrows[a][b]))}" for a, b in within]
+    try:
+        graphlib.TopologicalSorter(arrows).prepare()
+    except graphlib.CycleError as error:
+        part = sorted(set(error.args[1]))
+        within = [(file, other) for file in part for other in sorted(arrows[file]) if other in part]
+        lines = [f"    {a} -> {b}: {', '.join(sorted(arrows[a][b]))}" for a, b in within]
+        return [f"circle of {len(part)} files: {crate}{' '.join(part)}", *lines]
+    return []
 
 
 def crates(top):
-    """Folder and root file of the other crates, but for those of tools/."""
-    folders = [f"crates/{name}" for name in sorted(os.listdir(f"{top}/crates"))]
+    """Folder and root file of the other crates."""
+    folders = [f"{folder}/{name}" for folder in ("crates", "tools") for name in sorted(os.listdir(f"{top}/{folder}"))]
     for folder in [f"{name}/src" for name in [*folders, "gst-plugins", "python", "shaders-rs/kernels"]]:
         yield from ((folder, root) for root in ("lib.rs", "main.rs") if os.path.exists(f"{top}/{folder}/{root}"))
 

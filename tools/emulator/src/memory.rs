@@ -2,7 +2,6 @@
 
 use crate::program::{Atomic, Barrier, NONE, Space};
 use crate::races::{Clock, Fault, History, SHARED, STORAGE, Who};
-use crate::run::Dispatch;
 
 pub struct Memory<'a> {
     pub buffers: &'a mut [Vec<u32>],
@@ -21,16 +20,12 @@ pub struct Accessor {
 }
 
 impl<'a> Memory<'a> {
-    pub fn new(
-        buffers: &'a mut [Vec<u32>],
-        shared_words: u32,
-        dispatch: &Dispatch<'a>,
-    ) -> Memory<'a> {
+    pub fn new(buffers: &'a mut [Vec<u32>], shared_words: u32, push: &'a [u32]) -> Memory<'a> {
         let histories = buffers.iter().map(|buffer| History::new(buffer.len())).collect();
         let words = shared_words as usize;
         Memory {
             buffers,
-            push: dispatch.push,
+            push,
             shared: vec![0; words],
             histories,
             shared_history: History::new(words),

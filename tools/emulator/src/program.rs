@@ -1,8 +1,6 @@
 //! A module as the emulator runs it: one list of instructions on registers of 32 bits. Values of several words lie in
 //! registers one after the other; so do variables of an invocation, whose addresses are registers.
 
-use crate::decode;
-use crate::error::Error;
 use crate::values::{One, Two};
 
 /// A register, or an address that is known before the run.
@@ -200,7 +198,7 @@ impl Input {
 }
 
 /// A compute module, ready to run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Module {
     /// The entry point.
     pub(crate) entry: String,
@@ -228,11 +226,6 @@ pub struct Module {
 }
 
 impl Module {
-    /// Reads a module with one entry point.
-    pub fn new(spirv: &[u8]) -> Result<Module, Error> {
-        decode::module(spirv)
-    }
-
     /// Invocations of a workgroup.
     pub fn invocations(&self) -> u32 {
         self.size.iter().product()

@@ -56,7 +56,7 @@ impl Module {
         if !(1..=128).contains(&dispatch.subgroup) || self.invocations() == 0 {
             return Err(fault(format!("subgroups of {}", dispatch.subgroup)));
         }
-        let memory = Memory::new(buffers, self.shared_words, dispatch);
+        let memory = Memory::new(buffers, self.shared_words, dispatch.push);
         let mut run = Run::new(self, dispatch, memory);
         let [x, y, z] = dispatch.groups;
         let mut order: Vec<u64> = (0..u64::from(x) * u64::from(y) * u64::from(z)).collect();

@@ -6,18 +6,20 @@
 //! Later COLMAPs add `rigs` and `frames`, which are not needed: `images` keeps its poses.
 
 mod binary;
+mod error;
 mod model;
 mod text;
 
 use std::collections::{HashMap, HashSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use glam::DVec3;
 use nvsprior::Pose;
 
 use crate::points::Point;
-use model::Model;
-use nvsprior::geometry::{Lens, LensError};
+use error::Wrong;
+pub use error::{ColmapError, ColmapFault, FilePosition};
+use model::{CameraRecord, ImageRecord};
+use nvsprior::geometry::Lens;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColmapModel {
@@ -37,109 +39,12 @@ pub struct ColmapView {
     pub lens: Lens,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FilePosition {
-    /// A byte, counted from 0.
-    Byte(usize),
-    /// A line, counted from 1.
-    Line(usize),
-}
-
-impl std::fmt::Display for FilePosition {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            FilePosition::Byte(byte) => write!(f, "byte {byte}"),
-            FilePosition::Line(line) => write!(f, "line {line}"),
-        }
-    }
-}
-
-/// Why a sparse model cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum ColmapError {
-    #[error("{}: {error}", path.display())]
-    Read { path: PathBuf, error: std::io::Error },
-    #[error("{}: neither cameras.bin nor cameras.txt in it; give the folder of a COLMAP model, such \
-        as sparse/0", folder.display())]
-    Missing { folder: PathBuf },
-    #[error("{}: {at}: {fault}", path.display())]
-    Content { path: PathBuf, at: FilePosition, fault: ColmapFault },
-}
-
-/// What is wrong at a place of a model's file.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ColmapFault {
-    #[error("the file ends before {what}; is it cut off?")]
-    Cut { what: &'static str },
-    #[error("{count} more bytes follow than the file says")]
-    Rest { count: usize },
-    #[error("{what} is missing")]
-    Missing { what: &'static str },
-    #[error("\"{found}\" as {what}")]
-    Word { what: &'static str, found: String },
-    #[error("{count} numbers of observations; three are due for each")]
-    Observations { count: usize },
-    #[error("the text is not UTF-8")]
-    Text,
-    #[error("the picture has no name")]
-    Name,
-    #[error("{what} stands there twice")]
-    Twice { what: String },
-    #[error(
-        "camera model {model} is not read, but SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
-        OPENCV and OPENCV_FISHEYE are; run `colmap image_undistorter`, and use the model and \
-        pictures that it writes"
-    )]
-    Model { model: String },
-    #[error("{found} camera parameters; {model} has {due}")]
-    Parameters { model: &'static str, due: usize, found: usize },
-    #[error(transparent)]
-    Lens(#[from] LensError),
-    #[error("{name}: camera {camera} is not among the cameras")]
-    Camera { name: String, camera: u32 },
-    #[error("{name}: its quaternion must be of length 1, and its translation finite")]
-    Pose { name: String },
-    #[error("a point whose position or error is not finite")]
-    Point,
-}
-
-struct Wrong {
-    at: FilePosition,
-    fault: ColmapFault,
-}
-
-impl Wrong {
-    fn new(at: FilePosition, fault: impl Into<ColmapFault>) -> Wrong {
-        Wrong { at, fault: fault.into() }
-    }
-
-    fn of(self, path: &Path) -> ColmapError {
-        ColmapError::Content { path: path.to_path_buf(), at: self.at, fault: self.fault }
-    }
-}
-
-/// A camera as a file has it.
-struct CameraRecord {
-    at: FilePosition,
-    id: u32,
-    model: &'static Model,
-    width: u64,
-    height: u64,
-    parameters: Vec<f64>,
-}
-
-/// A picture as a file has it.
-struct ImageRecord {
-    at: FilePosition,
-    /// w, x, y, z.
-    quaternion: [f64; 4],
-    translation: [f64; 3],
-    camera: u32,
-    name: String,
-}
-
 /// How far a quaternion's length may be off 1; COLMAP writes it to 1e-15.
 const UNIT_TOLERANCE: f64 = 1e-3;
+
+/// What reads cameras, pictures and points.
+type Parsers = (Parser<CameraRecord>, Parser<ImageRecord>, Parser<Point>);
+type Parser<T> = fn(&[u8]) -> Result<Vec<T>, Wrong>;
 
 impl ColmapModel {
     /// Whether a folder holds a model.
@@ -154,17 +59,13 @@ impl ColmapModel {
         let binary = folder.join("cameras.bin").is_file();
         let [cameras, images, points] = ["cameras", "images", "points3D"]
             .map(|name| folder.join(name).with_extension(if binary { "bin" } else { "txt" }));
-        let cameras = if binary {
-            read(&cameras, |bytes| lenses(&binary::cameras(bytes)?))
-        } else {
-            read(&cameras, |bytes| lenses(&text::cameras(bytes)?))
-        }?;
-        let views = if binary {
-            read(&images, |bytes| views(binary::images(bytes)?, &cameras))
-        } else {
-            read(&images, |bytes| views(text::images(bytes)?, &cameras))
-        }?;
-        let points = read(&points, if binary { binary::points } else { text::points })?;
+        let (in_cameras, in_images, in_points): Parsers = match binary {
+            true => (binary::cameras, binary::images, binary::points),
+            false => (text::cameras, text::images, text::points),
+        };
+        let cameras = read(&cameras, |bytes| lenses(&in_cameras(bytes)?))?;
+        let views = read(&images, |bytes| views(in_images(bytes)?, &cameras))?;
+        let points = read(&points, in_points)?;
         Ok(ColmapModel { views, points })
     }
 }
@@ -196,9 +97,8 @@ fn views(images: Vec<ImageRecord>, lenses: &HashMap<u32, Lens>) -> Result<Vec<Co
             return Err(Wrong::new(image.at, ColmapFault::Twice { what }));
         }
     }
-    let views: Result<Vec<ColmapView>, Wrong> =
-        images.into_iter().map(|image| view(image, lenses)).collect();
-    let mut views = views?;
+    let views = images.into_iter().map(|image| view(image, lenses));
+    let mut views = views.collect::<Result<Vec<_>, _>>()?;
     views.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(views)
 }
@@ -212,22 +112,6 @@ fn view(image: ImageRecord, lenses: &HashMap<u32, Lens>) -> Result<ColmapView, W
         Some(lens) => Ok(ColmapView { name, pose, lens: *lens }),
         None => Err(Wrong::new(at, ColmapFault::Camera { name, camera })),
     }
-}
-
-/// A point; COLMAP writes −1 for an error that it did not compute.
-fn point(
-    at: FilePosition,
-    position: DVec3,
-    rgb: [u8; 3],
-    error: f64,
-    track: usize,
-) -> Result<Point, Wrong> {
-    if !(position.is_finite() && error.is_finite()) {
-        return Err(Wrong::new(at, ColmapFault::Point));
-    }
-    let rgb = Some(rgb.map(|value| f32::from(value) / 255.0));
-    let track = Some(u32::try_from(track).unwrap_or(u32::MAX));
-    Ok(Point { position, rgb, error: (error >= 0.0).then_some(error), track })
 }
 
 /// A pose of a unit quaternion (w, x, y, z); `None` if that is none, or anything is not finite.

@@ -1,33 +1,17 @@
 //! Pictures with poses, for training: from camera files and from COLMAP's models.
 
+mod input;
 mod picture;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use nvsprior::Pose;
-
 use crate::camera_file::{CameraFileError, PosedFile, with_ending};
 use crate::colmap::{ColmapError, ColmapModel};
 use crate::frame_file::FrameFileError;
 use crate::points::{Point, PointsError, read_points};
+pub use input::PosedInput;
 use nvsprior::geometry::{Lens, LensError};
-
-/// A picture that was taken at a known pose.
-#[derive(Clone, Debug)]
-pub struct PosedInput {
-    /// Its name in the file that lists it.
-    pub name: String,
-    pub file: PathBuf,
-    /// What it was taken with.
-    pub lens: Lens,
-    /// World to camera.
-    pub pose: Pose,
-    /// Which part of the pictures it belongs to, if that is known: `train`, `test`.
-    pub split: Option<String>,
-    /// A picture of the same shape that is white where the picture counts; all counts without one.
-    pub mask: Option<PathBuf>,
-}
 
 /// Posed pictures, and what else is known of their scene.
 #[derive(Clone, Debug)]

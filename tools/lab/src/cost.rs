@@ -180,13 +180,19 @@ impl Cost<'_> {
         }
     }
 
+    /// Bands of whole rows of tiles that are binned by themselves.
+    fn bands(&self) -> f64 {
+        let (c, sharing) = (self.counts, self.sharing);
+        let rows = (sharing.bin_table / c.tiles_x).floor().min(sharing.band_rows);
+        (c.tiles / c.tiles_x / rows).ceil()
+    }
+
     /// A stage of the binning. Each band goes over all splats: their place in the order, and 24 bytes of the record.
     fn lists(&self, stage: &str) -> Work {
         let c = self.counts;
         let table = 4.0 * self.sharing.bin_blocks * c.tiles;
-        let bands = c.bands(self.sharing);
-        let read = bands * 28.0 * c.visible;
-        let flops = bands * 40.0 * c.visible + 45.0 * c.rows;
+        let read = self.bands() * 28.0 * c.visible;
+        let flops = self.bands() * 40.0 * c.visible + 45.0 * c.rows;
         let (bytes, flops) = match stage {
             "bin_count" => (read + table, flops + 4.0 * c.rows),
             "bin_scan" => (3.0 * table, 0.0),

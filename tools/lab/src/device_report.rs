@@ -4,6 +4,7 @@ mod coding;
 pub mod command;
 pub mod devices;
 mod host;
+mod measuring;
 mod model;
 mod pace;
 mod page;
@@ -17,62 +18,15 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use nvsprior::{Camera, Engine, Picture, Pose, Prior};
+use nvsprior::Engine;
 use nvsprior_inputs::args::DeviceArgs;
 use nvsprior_kernels::modules;
-use serde::{Deserialize, Serialize};
 
 use crate::ceilings::{self, Ceilings, Clock};
 use host::Host;
+use measuring::{Measuring, Subject};
 use nvsprior_reference::device_check::verify;
-use pace::Pace;
-use schema::{Best, DeviceFacts, Missing, Model, Report, VERSION};
-
-/// The most that each part of a report does. A part also ends when its share of the seconds is over.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
-pub struct Bounds {
-    /// Built-in scenes that are compared with the host's pictures
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-    pub scenes: u64,
-    /// Runs of each job whose stage times are averaged
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub runs: u32,
-    /// Frames of each size that are searched for and coded, after a first one
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub frames: u32,
-    /// Starts moved off by up to 3°, for each size
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    pub trials: u32,
-    /// About how long all of it may take, once the program is built
-    #[arg(long, value_name = "SECONDS", default_value_t = 360.0, value_parser = nvsprior_inputs::values::positive)]
-    pub seconds: f64,
-}
-
-/// A frame of the run that is measured on.
-pub struct Frame {
-    pub name: String,
-    pub picture: Picture,
-    /// Where the camera truly was.
-    pub pose: Pose,
-    /// Seconds.
-    pub time: f64,
-}
-
-/// What a device is measured on.
-pub struct Subject<'a> {
-    pub prior: &'a Prior,
-    pub cameras: &'a [Camera],
-    /// Draws a run by a camera, a frame at a time.
-    pub frames: &'a dyn Fn(Camera) -> Box<dyn Iterator<Item = Frame> + 'a>,
-    /// Packets are coded for so many bytes.
-    pub budgets: &'a [usize],
-}
-
-/// A report under way.
-struct Measuring {
-    report: Report,
-    since: Instant,
-}
+use schema::{Best, Bounds, DeviceFacts, Model, Report, VERSION};
 
 /// What a part may take of all seconds; the rest is for the ceilings, and for making pipelines.
 const VERIFYING: f64 = 0.06;
@@ -111,34 +65,6 @@ impl Measuring {
             seconds: 0.0,
         };
         Measuring { report, since: Instant::now() }
-    }
-
-    /// Does a part, naming it; if it fails, notes why.
-    fn part<T>(&mut self, what: &str, work: impl FnOnce() -> anyhow::Result<T>) -> Option<T> {
-        tell!("{:4.0} s: {what}", self.since.elapsed().as_secs_f64());
-        match work() {
-            Ok(value) => Some(value),
-            Err(error) => {
-                let why = format!("{error:#}");
-                tell!("        failed: {why}");
-                self.report.failures.push(Missing { what: what.into(), why });
-                None
-            }
-        }
-    }
-
-    /// So many seconds, or what is left of all.
-    fn pace(&self, seconds: f64) -> Pace {
-        let left = self.report.bounds.seconds - self.since.elapsed().as_secs_f64();
-        Pace::of(seconds.min(left))
-    }
-
-    /// Notes what cannot be measured here.
-    fn missing(&mut self, what: impl Into<String>, why: impl Into<String>) {
-        let missing = Missing { what: what.into(), why: why.into() };
-        if !self.report.not_measured.contains(&missing) {
-            self.report.not_measured.push(missing);
-        }
     }
 
     fn device(&mut self, engine: &Engine, subject: &Subject) {

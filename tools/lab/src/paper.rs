@@ -7,9 +7,6 @@ use clap::Subcommand;
 
 use crate::bench::paper as tables;
 
-/// How the names of packets end.
-const ENDING: &str = "paper";
-
 /// The paper's system: encode, decode, and its tables
 #[derive(Subcommand)]
 pub enum Command {

@@ -9,6 +9,6 @@ mod run_writer;
 mod sheet;
 
 pub use contact::{SheetRow, write_contact_sheet};
-pub use png_file::{PngFileError, read_png, write_png};
+pub use png_file::{PngFileError, png_of, read_png, write_png};
 pub use run_writer::{RunView, RunWriter, RunWriterError};
 pub use sheet::Sheet;

@@ -1,7 +1,7 @@
 //! Pictures as PNG files.
 
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use nvsprior::Picture;
@@ -19,22 +19,22 @@ pub enum PngFileError {
 
 /// Writes a picture as a PNG, whatever the file's name ends in.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PngFileError> {
-    let failed = |error| PngFileError::Write { path: path.to_path_buf(), error };
-    let file = File::create(path).map_err(|error| failed(error.into()))?;
-    let mut buffered = BufWriter::new(file);
-    encode(&mut buffered, picture).map_err(failed)?;
-    buffered.flush().map_err(|error| failed(error.into()))
+    let written = png_of(picture).and_then(|bytes| Ok(std::fs::write(path, bytes)?));
+    written.map_err(|error| PngFileError::Write { path: path.to_path_buf(), error })
 }
 
-fn encode(to: &mut impl Write, picture: &Picture) -> Result<(), png::EncodingError> {
-    let mut encoder = Encoder::new(to, picture.width, picture.height);
+/// A picture as PNG, quickly.
+pub fn png_of(picture: &Picture) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = Encoder::new(&mut bytes, picture.width, picture.height);
     encoder.set_color(ColorType::Rgb);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_compression(Compression::Fast);
     encoder.set_filter(Filter::Adaptive);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(&picture.data)?;
-    writer.finish()
+    writer.finish()?;
+    Ok(bytes)
 }
 
 /// Reads a picture that [`write_png`] wrote.

@@ -5,21 +5,19 @@ mod whole;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use glam::DVec3;
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::{Besides, Extras, KeyFrames, Splats, ply, replace_file};
 use nvsprior::{Engine, Prior};
 use nvsprior_inputs::posed::PosedInput;
 use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions};
-use nvsprior_train::parts::{Cells, Parts, View, places, points_of_splats};
+use nvsprior_train::parts::{Parts, View, points_of_splats};
 
 use super::budget::Budget;
 use super::inputs::{self, Listed};
-use super::report::{Poses, RunWorth};
+use super::report::Found;
 use super::{Args, Training, forward_seconds, memory, saved};
 use crate::container::Container;
-use whole::Whole;
 
 /// Steps of a coarse prior, as a share of those of a part.
 const COARSE: f64 = 1.0 / 3.0;
@@ -51,36 +49,6 @@ struct Trained<'a> {
 }
 
 impl PartsRun<'_> {
-    /// Trains the parts one after the other, and writes them as one prior. `parts`: how many.
-    pub fn run(mut self, parts: usize, poses: Option<Poses>) -> anyhow::Result<()> {
-        let views: Vec<View> = self.listed.train.iter().map(|input| self.view(input)).collect();
-        let cameras: Vec<DVec3> = views.iter().map(|view| view.pose.centre()).collect();
-        let cells = Cells::of(&cameras, parts)?;
-        let folder = self.folder();
-        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        self.args.inputs.write_undistorted(&self.listed)?;
-        let near = f64::from(self.options.render.near);
-        if self.listed.points.is_empty() {
-            let own = Parts::new(cells.clone(), parts, views.clone(), &[], near);
-            self.listed.points = self.coarse_points(&own)?;
-        }
-        let points = places(&self.listed.points);
-        let parts = Parts::new(cells, parts, views.clone(), &points, near);
-        self.check_memory(&parts)?;
-        let mut splats = Splats { sh_degree: self.options.sh_degree, ..Splats::default() };
-        let mut counts = Vec::new();
-        for part in 0..parts.count() {
-            let mut own = self.part(&parts, part)?;
-            counts.push(own.len());
-            splats.append(&mut own);
-        }
-        let scene = self.write(&splats, &views)?;
-        let whole = Whole { run: &self, parts: &parts, points: &points, counts, poses };
-        whole.report(scene)?;
-        self.remove_folder();
-        self.args.device.check(self.engine)
-    }
-
     /// Where parts lie until all are there.
     fn folder(&self) -> PathBuf {
         saved::beside(&self.args.out, ".parts")
@@ -170,7 +138,7 @@ impl PartsRun<'_> {
             saved::check_report(folder)?;
         }
         let training = Training { args: self.args, engine: self.engine, options: &options, budget };
-        let (mut mapper, mut report) = training.run(&out, report.as_deref(), inputs)?;
+        let (mut mapper, mut report) = training.train(&out, report.as_deref(), inputs)?;
         let splats = mapper.splats()?;
         let prior = Prior::from_splats(splats.clone(), options.render)?;
         let forward = forward_seconds(self.engine, &prior, &mapper)?;

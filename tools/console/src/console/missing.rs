@@ -3,8 +3,6 @@
 use nvsprior::{Error, PriorId};
 use serde::Serialize;
 
-use super::state::PriorState;
-
 /// Seconds without a picture after which something is missing, at least.
 const QUIET: f64 = 10.0;
 /// Modem frames in a row of no use, after which something must be wrong.
@@ -42,6 +40,15 @@ impl From<&Error> for Refusal {
             other => Refusal::Other(other.to_string()),
         }
     }
+}
+
+/// The prior that the topside holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct PriorState {
+    /// The file's name.
+    pub file: String,
+    /// What both sides must have the same, as hexadecimal digits.
+    pub identity: String,
 }
 
 /// What this side has, for the pilot.

@@ -6,13 +6,13 @@ use std::time::{Duration, Instant};
 use glam::DVec3;
 use nvsprior::render::Scene;
 use nvsprior::{Engine, Picture, Pose, Prior};
+use nvsprior_runs::png_of;
 
 use super::chase_view::ChaseView;
 use super::pictures::Shown;
 use super::plan_view::{self, PlanView};
 use super::projection::{self, Pixel};
 use super::state::{ChaseState, PathState, PlanState, Sleeper};
-use super::topside::png;
 use super::track::Track;
 
 /// Least time between two chase views: they take the device's time from pictures.
@@ -58,7 +58,7 @@ impl SceneViews {
         let plan = PlanView::draw(engine, prior, up)?;
         let spread = f64::from(prior.coordinate_frame().spread);
         Ok(SceneViews {
-            plan_picture: png(&plan.picture)?.into(),
+            plan_picture: png_of(&plan.picture)?.into(),
             plan,
             chase: ChaseView::new(engine, scene, up, spread)?,
             chase_number: 0,

@@ -3,7 +3,7 @@
 use nvsprior_link::ClockSource;
 use serde::Serialize;
 
-use super::missing::Missing;
+use super::missing::{Missing, PriorState};
 use super::overlay::Overlay;
 use super::projection::Pixel;
 
@@ -63,15 +63,6 @@ pub struct RecordingState {
     pub bytes: u64,
     /// Since it began.
     pub seconds: f64,
-}
-
-/// The prior that the topside holds.
-#[derive(Clone, Debug, Serialize)]
-pub struct PriorState {
-    /// The file's name.
-    pub file: String,
-    /// What both sides must have the same, as hexadecimal digits.
-    pub identity: String,
 }
 
 /// What the vehicle says of its pose.

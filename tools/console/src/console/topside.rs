@@ -6,8 +6,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use nvsprior::{Engine, Picture, Prior};
+use nvsprior::{Engine, Prior};
 use nvsprior_link::{Region, TopsideOptions as LinkOptions, VERY_OLD, Worth};
+use nvsprior_runs::png_of;
 use tokio::sync::watch;
 
 use super::clock::Clock;
@@ -16,12 +17,12 @@ use super::event::{Arrived, Asked, Command, Event};
 use super::input::ReturnPath;
 use super::keeper::Keeper;
 use super::link_log::LinkLog;
-use super::missing::{Missing, ThisSide, Watch};
+use super::missing::{Missing, PriorState, ThisSide, Watch};
 use super::overlay::MemoryView;
 use super::pictures::{Pictures, Shown};
 use super::resume::{Resume, ResumeState};
 use super::scene_views::SceneViews;
-use super::state::{Alarm, LinkState, PictureState, PoseState, PriorState, State, clock_name};
+use super::state::{Alarm, LinkState, PictureState, PoseState, State, clock_name};
 use super::video::Video;
 use crate::journal::{Journal, utc};
 use crate::state_file::StateFile;
@@ -384,9 +385,9 @@ impl Topside {
         }
         self.views.take(&shown);
         self.memory.take(&shown)?;
-        self.published.picture = png(&shown.decoded.picture)?.into();
+        self.published.picture = png_of(&shown.decoded.picture)?.into();
         if let Some(chase) = self.views.draw_chase(&shown)? {
-            self.published.chase = png(chase)?.into();
+            self.published.chase = png_of(chase)?.into();
         }
         Ok(())
     }
@@ -539,18 +540,6 @@ fn picture_state(shown: &Shown, now: f64) -> PictureState {
         filtered: shown.decoded.filtered,
         known: shown.decoded.known.map(|known| [known.position, known.rotation.to_degrees()]),
     }
-}
-
-/// A picture as PNG, quickly.
-pub fn png(picture: &Picture) -> anyhow::Result<Vec<u8>> {
-    use image::ImageEncoder;
-    use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-    let mut bytes = Vec::new();
-    let encoder =
-        PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
-    let Picture { width, height, data } = picture;
-    encoder.write_image(data, *width, *height, image::ExtendedColorType::Rgb8)?;
-    Ok(bytes)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use crate::layout::{Id, Type};
 use crate::ops;
 use crate::program::{Address, Input, NONE, Space};
 
-use super::{Decoder, Pointer, Raw};
+use super::decoder::{Decoder, Pointer, Raw};
 
 /// Decorations that matter.
 const SPEC_ID: u32 = 1;

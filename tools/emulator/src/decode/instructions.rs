@@ -6,7 +6,7 @@ use crate::ops;
 use crate::program::{Atomic, Barrier, Collective, Instruction, Part, Reg};
 use crate::values::{One, Two};
 
-use super::{Decoder, Phi, Raw, Value};
+use super::decoder::{Decoder, Phi, Raw, Value};
 
 /// Scopes.
 const WORKGROUP: u32 = 2;
@@ -189,20 +189,6 @@ impl Decoder {
             let part = self.types.register_part(of.ty, *index)?;
             Ok(Value { reg: of.reg + part.at, ty: part.ty })
         })
-    }
-
-    /// The parts that a value is made of.
-    pub(super) fn parts(&self, raw: &Raw) -> Result<Vec<Value>, Error> {
-        let parts: Vec<Value> =
-            raw.rest(2).iter().map(|part| self.value(*part)).collect::<Result<_, _>>()?;
-        let mut words = 0;
-        for part in &parts {
-            words += self.types.words(part.ty)?;
-        }
-        if words != self.types.words(raw.operand(0)?)? {
-            return Err(self.unknown(format!("{} of {words} words", ops::name(raw.op))));
-        }
-        Ok(parts)
     }
 
     fn composite(&mut self, raw: &Raw) -> Result<(), Error> {

@@ -4,7 +4,7 @@ use crate::error::Error;
 use crate::layout::{Id, Type};
 use crate::program::{Address, Atomic, Instruction, NONE, Reg, Space, Term};
 
-use super::{Decoder, Pointer, Raw};
+use super::decoder::{Decoder, Pointer, Raw};
 
 /// The address `words` further on.
 fn beyond(address: Address, words: u32) -> Address {

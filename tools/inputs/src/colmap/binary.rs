@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::model::Model;
-use super::{CameraRecord, ColmapFault, FilePosition, ImageRecord, Wrong};
+use super::error::{ColmapFault, FilePosition, Wrong};
+use super::model::{CameraRecord, ImageRecord, Model, point};
 use crate::points::Point;
 
 /// Fewest bytes of a camera, a picture and a point.
@@ -136,6 +136,6 @@ pub fn points(bytes: &[u8]) -> Result<Vec<Point>, Wrong> {
         let rgb = bytes.take("a point")?;
         let [error] = bytes.floats("a point")?;
         let track = bytes.skip(TRACK_ELEMENT, "a point's track")?;
-        super::point(at, position, rgb, error, track)
+        point(at, position, rgb, error, track)
     })
 }

@@ -1,7 +1,10 @@
-//! COLMAP's camera models.
+//! What a model's files hold: cameras, of COLMAP's camera models, pictures and points.
 
-use super::{CameraRecord, ColmapFault};
+use glam::DVec3;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
+
+use super::error::{ColmapFault, FilePosition, Wrong};
+use crate::points::Point;
 
 /// A camera model that is read.
 pub struct Model {
@@ -82,4 +85,40 @@ impl Model {
         let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
         Ok(Lens::new(intrinsics, distortion)?)
     }
+}
+
+/// A camera as a file has it.
+pub struct CameraRecord {
+    pub at: FilePosition,
+    pub id: u32,
+    pub model: &'static Model,
+    pub width: u64,
+    pub height: u64,
+    pub parameters: Vec<f64>,
+}
+
+/// A picture as a file has it.
+pub struct ImageRecord {
+    pub at: FilePosition,
+    /// w, x, y, z.
+    pub quaternion: [f64; 4],
+    pub translation: [f64; 3],
+    pub camera: u32,
+    pub name: String,
+}
+
+/// A point; COLMAP writes −1 for an error that it did not compute.
+pub fn point(
+    at: FilePosition,
+    position: DVec3,
+    rgb: [u8; 3],
+    error: f64,
+    track: usize,
+) -> Result<Point, Wrong> {
+    if !(position.is_finite() && error.is_finite()) {
+        return Err(Wrong::new(at, ColmapFault::Point));
+    }
+    let rgb = Some(rgb.map(|value| f32::from(value) / 255.0));
+    let track = Some(u32::try_from(track).unwrap_or(u32::MAX));
+    Ok(Point { position, rgb, error: (error >= 0.0).then_some(error), track })
 }

@@ -1,3 +1,4 @@
+use glam::DVec3;
 use proptest::prelude::*;
 
 use super::*;

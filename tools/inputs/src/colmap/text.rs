@@ -4,8 +4,8 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-use super::model::Model;
-use super::{CameraRecord, ColmapFault, FilePosition, ImageRecord, Wrong};
+use super::error::{ColmapFault, FilePosition, Wrong};
+use super::model::{CameraRecord, ImageRecord, Model, point};
 use crate::points::Point;
 
 /// The words of a line that are not read yet.
@@ -111,7 +111,7 @@ pub fn points(bytes: &[u8]) -> Result<Vec<Point>, Wrong> {
         if !track.is_multiple_of(2) {
             return Err(Wrong::new(line.at, ColmapFault::Missing { what: "half of a track" }));
         }
-        super::point(line.at, position, rgb, error, track / 2)
+        point(line.at, position, rgb, error, track / 2)
     };
     lines(bytes)?.filter(is_record).map(point).collect()
 }

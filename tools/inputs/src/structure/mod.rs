@@ -3,9 +3,11 @@
 //! COLMAP 4, or pycolmap by the same command line, solves for all poses at once. COLMAP 3.8 (Debian's) and later ones
 //! are run as well. All run on the CPU. Options that were renamed are told by each step's help.
 
+mod error;
 mod finding;
 mod judge;
 mod missing;
+mod options;
 mod pairs;
 mod pictures;
 mod program;
@@ -14,96 +16,20 @@ mod round;
 mod steps;
 mod unit;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use crate::colmap::{ColmapError, ColmapModel};
-use crate::locked_folder::FolderError;
-use crate::navigation::{Alignment, NavigationError, StatedCourse, align};
-use crate::posed::{PosedError, PosedPictures, pictures_of_model};
+use crate::colmap::ColmapModel;
+use crate::navigation::Alignment;
+use crate::posed::{PosedPictures, pictures_of_model};
 use crate::progress::{Progress, Watch};
-use crate::video::{VideoError, frame_times};
+pub use error::{Ended, StructureError};
 pub use finding::Finder;
 pub use judge::Doubtful;
+pub use options::{Lenses, Matching, Navigation, StructureOptions};
 use pictures::Listed;
-pub use program::Ended;
 use steps::Workplace;
 pub use unit::DEPTH;
-
-/// Which pictures share intrinsics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lenses {
-    /// All: they were taken with one camera.
-    One,
-    /// Those of each folder.
-    Folder,
-    /// None.
-    Picture,
-}
-
-/// Which pairs of pictures are compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Matching {
-    /// Those near each other by name, which is the order of time, and those that show the same place. Few pictures are
-    /// all compared.
-    Auto,
-    /// All. Their number grows with the square.
-    Exhaustive,
-    /// Those near each other by name.
-    Sequential,
-}
-
-#[derive(Clone, Debug)]
-pub struct StructureOptions {
-    /// Which program finds poses.
-    pub finder: Finder,
-    /// COLMAP's name of the camera model.
-    pub camera_model: String,
-    /// The model's parameters in COLMAP's order, if the camera was calibrated; they are kept.
-    pub camera_params: Option<String>,
-    /// Which pictures share intrinsics.
-    pub lenses: Lenses,
-    /// Which pairs of pictures are compared.
-    pub matching: Matching,
-    /// The pictures are frames of a video: their names tell the order of time, and neighbours overlap.
-    pub sequence: bool,
-    /// Longest side to which pictures are reduced for matching, pixels.
-    pub size: u32,
-    /// Folder of masks, as [`PosedOptions::masks`]. COLMAP finds those named as it names them: `a.jpg.png`.
-    pub masks: Option<PathBuf>,
-    /// What the vehicle states of its course: it gives the unit and the vertical.
-    pub navigation: Option<Navigation>,
-    /// Seed of all that is random.
-    pub seed: u64,
-}
-
-/// A stated course, and what joins it to pictures.
-#[derive(Clone, Debug)]
-pub struct Navigation {
-    pub path: PathBuf,
-    pub course: StatedCourse,
-    /// Times of pictures in their video, by name, seconds.
-    pub times: HashMap<String, f64>,
-    /// How far the camera looks up if the vehicle is level, radians.
-    pub tilt: f64,
-}
-
-impl Navigation {
-    /// With the times of pictures that are frames of one video, as `frames.json` beside them tells.
-    pub fn with_times(self, pictures: &Path) -> Result<Navigation, StructureError> {
-        let times = frame_times(pictures)?;
-        if times.is_empty() && self.course.is_by_time() {
-            return Err(NavigationError::NoTimes { path: self.path }.into());
-        }
-        Ok(Navigation { times, ..self })
-    }
-
-    fn align(&self, posed: &mut PosedPictures) -> Result<Alignment, NavigationError> {
-        let stated = |name: &str| self.course.of(name, self.times.get(name).copied());
-        let stated: Vec<_> = posed.inputs.iter().map(|input| stated(&input.name)).collect();
-        align(posed, &stated, self.tilt, &self.path)
-    }
-}
 
 /// Pictures with the poses that were found.
 #[derive(Clone, Debug)]
@@ -125,79 +51,6 @@ pub struct Structure {
     pub model: PathBuf,
     /// What lengths in that folder are multiplied by.
     pub scale: f64,
-}
-
-/// A step of the search for poses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ColmapStep {
-    /// All pictures are read once, before hours of work.
-    Check,
-    /// COLMAP's `feature_extractor`.
-    Features,
-    /// Its `matches_importer`.
-    Matches,
-    /// Its `global_mapper`, or `mapper`.
-    Mapper,
-}
-
-impl ColmapStep {
-    /// What it does.
-    fn name(self) -> String {
-        let name = match self {
-            ColmapStep::Check => "checking pictures",
-            ColmapStep::Features => "finding features",
-            ColmapStep::Matches => "matching features",
-            ColmapStep::Mapper => "finding poses",
-        };
-        name.to_owned()
-    }
-}
-
-#[derive(Debug, thiserror::Error)]
-pub enum StructureError {
-    #[error(
-        "pictures without poses need COLMAP 4 or the Python package pycolmap ({why}); install COLMAP 4, or Python 3 \
-         with venv and a network, or name a program with --poses. Debian's colmap works too, but takes hours for some \
-         hundred pictures. With poses from elsewhere, give --cameras"
-    )]
-    NotInstalled { why: String },
-    #[error("{}: neither a COLMAP nor a Python with pycolmap", path.display())]
-    NoColmap { path: PathBuf },
-    #[error("{}: {error}", path.display())]
-    File { path: PathBuf, error: std::io::Error },
-    #[error("{}: no pictures (PNG, JPEG, WebP) in this folder or below it", path.display())]
-    Empty { path: PathBuf },
-    #[error("{}: the only picture; poses are found from at least two of one scene", path.display())]
-    One { path: PathBuf },
-    #[error("{}: a name that is not UTF-8, or has a line break", path.display())]
-    Name { path: PathBuf },
-    #[error("{}: {}×{}, but {} is {}×{}: if several cameras took the pictures, put those of each in \
-        a folder and give --lenses folder, or give --lenses picture", path.display(), found.0,
-        found.1, first.display(), expected.0, expected.1)]
-    Sizes { path: PathBuf, found: (u32, u32), first: PathBuf, expected: (u32, u32) },
-    #[error("{program} {command} {ended}; its last words: {last}; all of them: {}", log.display())]
-    ColmapStep { program: &'static str, command: String, ended: Ended, last: String, log: PathBuf },
-    #[error("{program} found no two pictures to begin with: they must be sharp, overlap, show texture, and be taken \
-        from different places; what it tried: {}", log.display())]
-    NoModel { program: &'static str, log: PathBuf },
-    #[error("{program} found the pose of {found} picture; all that it tried: {}", log.display())]
-    TooFew { program: &'static str, found: usize, log: PathBuf },
-    #[error(transparent)]
-    Folder(#[from] FolderError),
-    #[error(transparent)]
-    Colmap(#[from] ColmapError),
-    #[error(transparent)]
-    Posed(#[from] PosedError),
-    #[error(transparent)]
-    Navigation(#[from] NavigationError),
-    #[error(transparent)]
-    Video(#[from] VideoError),
-}
-
-impl StructureError {
-    fn file(path: &Path) -> impl Fn(std::io::Error) -> StructureError {
-        move |error| StructureError::File { path: path.to_path_buf(), error }
-    }
 }
 
 /// Finds the poses of the pictures in a folder and below it. COLMAP works in the folder `work`, which is made if it is

@@ -3,10 +3,10 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use super::StructureError;
+use super::error::{Ended, StructureError};
 use super::record::Record;
 use crate::child::{LastWords, Running};
 use crate::locked_folder::LockedFolder;
@@ -24,23 +24,6 @@ pub struct Program {
     script: Option<&'static str>,
     /// All that it says of itself.
     help: String,
-}
-
-/// How a command ended that did not end well.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Ended(ExitStatus);
-
-impl std::fmt::Display for Ended {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "failed ({})", self.0)
-    }
-}
-
-impl Ended {
-    /// Its exit code, unless a signal ended it.
-    pub fn code(self) -> Option<i32> {
-        self.0.code()
-    }
 }
 
 impl Program {

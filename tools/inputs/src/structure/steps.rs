@@ -11,7 +11,7 @@ use crate::progress::{Progress, Watch};
 use super::pictures::Listed;
 use super::program::{GLOBAL, Program, mapped, registered, share};
 use super::record::{Record, Standing};
-use super::{ColmapStep, Lenses, Matching, StructureError, StructureOptions};
+use super::{Lenses, Matching, StructureError, StructureOptions};
 
 // What keeps a mapper from changing a lens that is known.
 const KEPT_LENS: [&str; 2] = ["ba_refine_focal_length", "ba_refine_extra_params"];
@@ -51,6 +51,32 @@ const SMALL_MAPPER: [&str; 6] = [
     "--Mapper.abs_pose_min_num_inliers",
     "20",
 ];
+
+/// A step of the search for poses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// All pictures are read once, before hours of work.
+    Check,
+    /// COLMAP's `feature_extractor`.
+    Features,
+    /// Its `matches_importer`.
+    Matches,
+    /// Its `global_mapper`, or `mapper`.
+    Mapper,
+}
+
+impl Step {
+    /// What it does.
+    fn name(self) -> String {
+        match self {
+            Step::Check => "checking pictures",
+            Step::Features => "finding features",
+            Step::Matches => "matching features",
+            Step::Mapper => "finding poses",
+        }
+        .to_owned()
+    }
+}
 
 /// The folder that COLMAP works in.
 pub type Workplace = LockedFolder<Record>;

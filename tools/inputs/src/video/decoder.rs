@@ -46,7 +46,7 @@ impl DecoderChoice {
         let there: Vec<Decoder> = wanted.iter().copied().filter(|of| of.is_there()).collect();
         match (&there[..], self) {
             ([], DecoderChoice::Auto) => Err(VideoError::NoDecoder),
-            ([], _) => Err(VideoError::NotInstalled { decoder: wanted[0] }),
+            ([], _) => Err(wanted[0].not_installed()),
             _ => Ok(there),
         }
     }
@@ -68,14 +68,15 @@ impl Decoder {
         }
     }
 
-    /// What Debian and Ubuntu call its packages.
-    pub fn packages(self) -> &'static str {
-        match self {
+    pub fn not_installed(self) -> VideoError {
+        // What Debian and Ubuntu call them.
+        let packages = match self {
             Decoder::Gstreamer => {
                 "gstreamer1.0-tools gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-libav"
             }
             Decoder::Ffmpeg => "ffmpeg",
-        }
+        };
+        VideoError::NotInstalled { program: self.program(), packages }
     }
 
     fn is_there(self) -> bool {

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use super::Decoder;
 use crate::locked_folder::FolderError;
 
 #[derive(Debug, thiserror::Error)]
@@ -12,8 +11,8 @@ pub enum VideoError {
          Ubuntu `apt-get install ffmpeg`"
     )]
     NoDecoder,
-    #[error("{} is not on the PATH; on Debian or Ubuntu `apt-get install {}`", decoder.program(), decoder.packages())]
-    NotInstalled { decoder: Decoder },
+    #[error("{program} is not on the PATH; on Debian or Ubuntu `apt-get install {packages}`")]
+    NotInstalled { program: &'static str, packages: &'static str },
     #[error("{}: {error}", path.display())]
     File { path: PathBuf, error: std::io::Error },
     #[error("{}: this is an empty file", path.display())]

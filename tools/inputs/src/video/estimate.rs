@@ -2,7 +2,7 @@
 
 use super::Video;
 use super::decoder::Decoder;
-use super::mapping::ChoiceOptions;
+use super::select::ChoiceOptions;
 use crate::estimate::{PoseEstimate, cores, minutes, range, slower};
 
 // Seconds of one core, measured on x86-64 cores of 2026 with H.264.

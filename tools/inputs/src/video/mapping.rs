@@ -10,33 +10,14 @@ use nvsprior::Camera;
 use nvsprior::image::Converter;
 
 use super::analysis::{Analysis, Facts, WIDTH};
-use super::decoder::{DecoderChoice, FrameSize};
+use super::decoder::FrameSize;
 use super::estimate::VideoEstimate;
 use super::folder::{Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, folder_name};
 use super::frame::{VideoFrame, rgb};
 use super::reader::{Ended, VideoReader};
-use super::select::{Break, Cause, Overlap, Selection, select};
+use super::select::{Break, Cause, ChoiceOptions, Overlap, Selection, select};
 use super::{Video, VideoError};
 use crate::progress::{Progress, Watch};
-
-/// What is wanted of the frames.
-#[derive(Clone, Copy, Debug)]
-pub struct ChoiceOptions {
-    pub decoder: DecoderChoice,
-    /// Share that neighbours have in common, about: 0.2 to 0.9.
-    pub overlap: f64,
-    /// At most so many frames of all videos together.
-    pub most: Option<usize>,
-    /// Longest side to which pictures will be reduced for matching, pixels: only the estimate of time depends on it.
-    pub matched: u32,
-}
-
-impl Default for ChoiceOptions {
-    /// Enough for matching from both sides, and not so much that pictures repeat each other.
-    fn default() -> ChoiceOptions {
-        ChoiceOptions { decoder: DecoderChoice::Auto, overlap: 0.7, most: None, matched: 1280 }
-    }
-}
 
 /// JPEG's quality: it takes away less than the video's coder has, and PNG takes several times the disk.
 const QUALITY: u8 = 95;

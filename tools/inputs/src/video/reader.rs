@@ -84,7 +84,7 @@ impl VideoReader {
         let shown = shown(&command);
         let started = Running::with_output(command);
         let (running, output) = started.map_err(|error| match error.kind() {
-            ErrorKind::NotFound => VideoError::NotInstalled { decoder },
+            ErrorKind::NotFound => decoder.not_installed(),
             _ => VideoError::File { path: decoder.program().into(), error },
         })?;
         let (sender, messages) = sync_channel(WAITING);

@@ -1,6 +1,26 @@
 //! Which frames of a video a mapping takes: sharp ones, of which neighbours overlap.
 
 use super::analysis::Facts;
+use super::decoder::DecoderChoice;
+
+/// What is wanted of the frames.
+#[derive(Clone, Copy, Debug)]
+pub struct ChoiceOptions {
+    pub decoder: DecoderChoice,
+    /// Share that neighbours have in common, about: 0.2 to 0.9.
+    pub overlap: f64,
+    /// At most so many frames of all videos together.
+    pub most: Option<usize>,
+    /// Longest side to which pictures will be reduced for matching, pixels: only the estimate of time depends on it.
+    pub matched: u32,
+}
+
+impl Default for ChoiceOptions {
+    /// Enough for matching from both sides, and not so much that pictures repeat each other.
+    fn default() -> ChoiceOptions {
+        ChoiceOptions { decoder: DecoderChoice::Auto, overlap: 0.7, most: None, matched: 1280 }
+    }
+}
 
 /// Neighbours have this share of the picture in common.
 #[derive(Clone, Copy, Debug, PartialEq)]

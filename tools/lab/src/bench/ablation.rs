@@ -10,6 +10,7 @@ mod method;
 mod perturbation;
 mod reprojection;
 mod ribbon;
+mod searches;
 mod start;
 mod summary;
 mod table;
@@ -18,14 +19,15 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 
 use super::RunArgs;
-use super::context::{Best, Context};
+use super::context::Context;
 use super::optimum;
-use judge::{Judge, Verdict};
-use method::{Attempt, Method, Searches};
+use judge::Judge;
+use method::Method;
 use nvsprior_inputs::args::{progress, with_progress};
 use nvsprior_inputs::values;
 use perturbation::{Kind, Limits, Perturbation};
-use start::StartTrial;
+use searches::Searches;
+use summary::{Ablation, Trial};
 
 /// Measure the paper's ablations (losses, optimisers, starts)
 ///
@@ -56,28 +58,6 @@ impl Args {
         let adam = self.adam_trials.unwrap_or(all);
         if method.slow() { adam.min(all) } else { all }
     }
-}
-
-/// What a method made of a frame.
-pub struct Judged {
-    pub shot: usize,
-    pub method: Method,
-    pub attempt: Attempt,
-    pub verdict: Verdict,
-}
-
-/// One start with one method.
-pub struct Trial {
-    /// Which start of its kind.
-    pub number: usize,
-    pub perturbation: Perturbation,
-    pub outcome: Judged,
-}
-
-pub struct Ablation {
-    pub limits: Limits,
-    pub trials: Vec<Trial>,
-    pub starts: Vec<StartTrial>,
 }
 
 /// Measures, prints and writes it all to a folder.
@@ -125,24 +105,14 @@ fn measure(
             let mut adam = None;
             for method in methods {
                 let attempt = searches.search(context, method, shot, &start, adam.as_ref())?;
-                let verdict = judge.judge(context, shot, &attempt.pose)?;
-                learn(context, shot, &attempt, &verdict);
                 if method == Method::ADAM {
                     adam = Some(attempt.clone());
                 }
-                let outcome = Judged { shot, method, attempt, verdict };
+                let outcome = judge.judge(context, shot, method, attempt)?;
                 trials.push(Trial { number, perturbation, outcome });
                 bar.inc(1);
             }
         }
     }
     Ok(trials)
-}
-
-/// Keeps a pose as the best known one if it is better.
-fn learn(context: &mut Context, shot: usize, attempt: &Attempt, verdict: &Verdict) {
-    let best = &mut context.best[shot];
-    if verdict.psnr() > best.psnr {
-        *best = Best { pose: attempt.pose, psnr: verdict.psnr() };
-    }
 }

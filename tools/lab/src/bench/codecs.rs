@@ -12,7 +12,6 @@ pub mod run;
 mod times;
 
 use std::path::Path;
-use std::time::Instant;
 
 use anyhow::Context as _;
 use nvsprior::render::filter::FilterPlan;
@@ -232,17 +231,4 @@ fn estimated(context: &mut Context, run: &Run) -> anyhow::Result<Option<Run>> {
         renders.push(context.forward.picture(&camera, &pose.stepped(&step))?.clone());
     }
     Ok(Some(Run::new(run.frames.clone(), renders, Beside::default())))
-}
-
-/// Milliseconds that something takes, and what it gives.
-pub fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)> {
-    let (value, ms) = timed_value(work);
-    Ok((value?, ms))
-}
-
-/// As `coder`, for coders that cannot fail.
-pub fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
-    let since = Instant::now();
-    let value = work();
-    (value, since.elapsed().as_secs_f64() * 1e3)
 }

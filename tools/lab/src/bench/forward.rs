@@ -39,9 +39,7 @@ impl Forward {
         let (renderer, picture) = self.ready(camera, pose)?;
         let mut times = [0.0; RENDERS];
         for time in &mut times {
-            let since = Instant::now();
-            renderer.picture(pose, picture)?;
-            *time = since.elapsed().as_secs_f64() * 1e3;
+            (_, *time) = timed(|| Ok(renderer.picture(pose, picture)?))?;
         }
         let time = median(times);
         self.times.push(time);
@@ -67,4 +65,17 @@ impl Forward {
         };
         Ok((&mut self.renderer.insert(ready).1, picture))
     }
+}
+
+/// Milliseconds that something takes, and what it gives.
+pub fn timed<T>(work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<(T, f64)> {
+    let (value, ms) = timed_value(work);
+    Ok((value?, ms))
+}
+
+/// As [`timed`], for what cannot fail.
+pub fn timed_value<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let since = Instant::now();
+    let value = work();
+    (value, since.elapsed().as_secs_f64() * 1e3)
 }

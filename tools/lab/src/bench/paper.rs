@@ -11,24 +11,22 @@ mod picture;
 mod published;
 mod report;
 mod row;
+mod runs;
 mod starts;
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use nvsprior::Pose;
 use nvsprior_inputs::input::starts_file;
-use nvsprior_paper::{Optimizer, POSE_LEN};
 
 use super::RunArgs;
-use super::codecs::run::{Beside, Run};
-use super::codecs::{FoundPoses, affine, found, found_by};
 use super::context::Context;
 use estimator::{Estimates, estimates};
 use learned::Learned;
 use methods::Methods;
-use row::Entry;
+use report::Rows;
+use runs::Runs;
 
 /// Measure the methods of the paper's tables, and the program's own
 ///
@@ -49,15 +47,6 @@ pub struct Args {
     frames: Option<NonZeroUsize>,
 }
 
-pub struct Set {
-    /// The split, or `all`.
-    pub name: String,
-    pub cameras: String,
-}
-
-/// Length of a pose in the paper: seven numbers as f32.
-const POSE_BYTES: f64 = POSE_LEN as f64;
-
 /// Measures, prints and writes it all to a folder.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     // A file of starts is for a row of its own, and not for the encoder.
@@ -77,17 +66,15 @@ fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<
     let starts = starts_file(&input.starts).map(|file| starts::read(file, &context.shots));
     // How long the regressor takes is not known here.
     let starts = starts.transpose()?.map(|poses| Estimates { poses, ms: 0.0 });
-    let set = Set {
-        name: input.split.clone().unwrap_or_else(|| "all".into()),
-        cameras: input.cameras()?.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-    };
+    let set = input.split.as_deref().unwrap_or("all");
+    let cameras = input.cameras()?.file_name().unwrap_or_default().to_string_lossy();
     let estimates = estimates(context)?;
     first_start(context, estimates.as_ref())?;
     let runs = Runs::new(context, estimates.as_ref(), starts.as_ref())?;
-    exchange::write(&folder.join("exchange"), &set, context, &runs.invs)?;
-    let rows = rows(&set, context, &runs, learned.as_ref(), starts.as_ref())?;
+    exchange::write(&folder.join("exchange"), set, &cameras, context, &runs.invs)?;
+    let rows = rows(set, context, &runs, learned.as_ref(), starts.as_ref())?;
     report::print(&rows);
-    report::write(folder, &set, &runs.frames, &rows)
+    report::write(folder, set, &runs.frames, &rows)
 }
 
 /// Keeps `count` frames, from the first to the last.
@@ -117,86 +104,14 @@ fn first_start(context: &mut Context, estimates: Option<&Estimates>) -> anyhow::
     Ok(())
 }
 
-/// What coders of pictures code: frames beside renders.
-pub struct Runs {
-    pub frames: Run,
-    /// Beside renders at the poses of BFGS.
-    pub invs: Run,
-    /// PSNR of each frame's render, the better one of BFGS and the program's own search, dB.
-    pub found_psnr: Vec<f64>,
-    /// Beside warped renders at the relocaliser's poses; `None` without key frames.
-    pub affine: Option<Run>,
-    /// The same at the poses of a regressor outside; `None` if there are none.
-    pub affine_cnn: Option<Run>,
-}
-
-impl Runs {
-    fn new(
-        context: &mut Context,
-        estimates: Option<&Estimates>,
-        regressed: Option<&Estimates>,
-    ) -> anyhow::Result<Runs> {
-        let frames: Vec<_> = context.shots.iter().map(|shot| shot.picture.clone()).collect();
-        let mut papers = context.papers(Optimizer::Bfgs)?;
-        let FoundPoses { poses, renders, psnr, ms } = found_by(context, &mut papers)?;
-        let decode_ms = render_ms(context, &poses)?;
-        let beside = Beside { bytes: POSE_BYTES, encode_ms: ms, decode_ms };
-        let grey = frames.clone();
-        let invs = Run::new(frames.clone(), renders, beside);
-        let mut warped = |estimates: Option<&Estimates>| {
-            estimates.map(|estimates| Self::affine(context, &frames, estimates)).transpose()
-        };
-        let (affine, affine_cnn) = (warped(estimates)?, warped(regressed)?);
-        let frames = Run::new(frames, grey, Beside::default());
-        let own = found(context)?.psnr;
-        let found_psnr = psnr.iter().zip(own).map(|(a, b)| a.max(b)).collect();
-        Ok(Runs { frames, invs, found_psnr, affine, affine_cnn })
-    }
-
-    /// The paper's affine baseline: no search, but a warp of the render at the estimate.
-    fn affine(
-        context: &mut Context,
-        frames: &[nvsprior::Picture],
-        estimates: &Estimates,
-    ) -> anyhow::Result<Run> {
-        let mut renders = Vec::new();
-        for (index, pose) in estimates.poses.iter().enumerate() {
-            let camera = context.shots[index].camera;
-            renders.push(context.forward.picture(&camera, pose)?.clone());
-        }
-        let decode_ms = render_ms(context, &estimates.poses)?;
-        let encode_ms = estimates.ms + decode_ms;
-        let beside = Beside { bytes: POSE_BYTES, encode_ms, decode_ms };
-        Ok(affine::warped(&Run::new(frames.to_vec(), renders, beside)))
-    }
-}
-
-/// Mean time of a render at these poses, milliseconds.
-fn render_ms(context: &mut Context, poses: &[Pose]) -> anyhow::Result<f64> {
-    let mut ms = 0.0;
-    for (index, pose) in poses.iter().enumerate() {
-        let camera = context.shots[index].camera;
-        ms += context.forward.measure(&camera, pose)? / poses.len() as f64;
-    }
-    Ok(ms)
-}
-
-/// All rows: at the working points, and at one PSNR.
-pub struct Rows {
-    pub working: Vec<Entry>,
-    /// The PSNR that [`Rows::equal`] aims at, dB.
-    pub target: f64,
-    pub equal: Vec<Entry>,
-}
-
 fn rows(
-    set: &Set,
+    set: &str,
     context: &Context,
     runs: &Runs,
     learned: Option<&Learned>,
     starts: Option<&Estimates>,
 ) -> anyhow::Result<Rows> {
-    let methods = Methods::new(context, runs, &set.name)?;
+    let methods = Methods::new(context, runs, set)?;
     let anchor = methods.anchor()?;
     let equal = methods.equal(&anchor)?;
     let working = methods.working(&equal, learned, starts)?;

@@ -8,9 +8,15 @@ use plotters::prelude::SeriesLabelPosition;
 
 use super::configurations::Row as Configuration;
 use super::context::{Context, OptimizerRun, Sample};
-use super::scaling::Row as Scale;
 use super::stages::Stages;
 use nvsprior_inputs::statistics::median;
+
+/// A name, and the points that a line joins.
+pub type Curve = (String, Vec<(f64, f64)>);
+
+fn joined((name, points): Curve) -> Series {
+    Series { name, points, line: true, dots: true }
+}
 
 const POINTS: usize = 400;
 
@@ -111,33 +117,14 @@ pub fn roofline(path: &Path, stages: &Stages) -> anyhow::Result<()> {
 }
 
 /// Forward renders by number of splats, one curve per size.
-pub fn scaling(path: &Path, rows: &[Scale]) -> anyhow::Result<()> {
-    let mut series: Vec<Series> = Vec::new();
-    for row in rows {
-        let (Some(forward), Some(evaluation)) = (row.forward_ms, row.evaluation_ms) else {
-            continue;
-        };
-        let (name, splats) = (format!("{}×{}", row.width, row.height), row.splats as f64);
-        for (name, ms) in [
-            (format!("{name}, forward render"), forward),
-            (format!("{name}, evaluation"), evaluation),
-        ] {
-            match series.iter_mut().find(|s| s.name == name) {
-                Some(series) => series.points.push((splats, ms)),
-                None => {
-                    let points = vec![(splats, ms)];
-                    series.push(Series { name, points, line: true, dots: true });
-                }
-            }
-        }
-    }
+pub fn scaling(path: &Path, curves: Vec<Curve>) -> anyhow::Result<()> {
     let words = Words {
         caption: "Time against size",
         x: "splats",
         y: "milliseconds",
         legend: SeriesLabelPosition::UpperLeft,
     };
-    draw(path, &words, true, &series, &[])
+    draw(path, &words, true, &curves.into_iter().map(joined).collect::<Vec<_>>(), &[])
 }
 
 /// Time and memory by the splats of a site, as shares of those of the first one.
@@ -148,11 +135,9 @@ pub fn site(path: &Path, rows: &[serde_json::Value]) -> anyhow::Result<()> {
         ("host memory, MiB", "host_bytes", 1.0 / f64::from(1 << 20)),
         ("device memory, MiB", "device_bytes", 1.0 / f64::from(1 << 20)),
     ];
-    let series = curves.map(|(name, field, unit)| Series {
-        name: name.into(),
-        points: rows.iter().map(|row| (of(row, "splats"), unit * of(row, field))).collect(),
-        line: true,
-        dots: true,
+    let series = curves.map(|(name, field, unit)| {
+        let points = rows.iter().map(|row| (of(row, "splats"), unit * of(row, field)));
+        joined((name.into(), points.collect()))
     });
     let words = Words {
         caption: "A frame by the size of the site",
@@ -164,20 +149,15 @@ pub fn site(path: &Path, rows: &[serde_json::Value]) -> anyhow::Result<()> {
 }
 
 /// How errors of poses are distributed, as multiples of what is stated: a curve for each axis.
-pub fn pose_ratios(path: &Path, curves: &[(String, Vec<(f64, f64)>)]) -> anyhow::Result<()> {
-    let curve = |(name, points): &(String, Vec<(f64, f64)>)| Series {
-        name: name.clone(),
-        points: points.clone(),
-        line: true,
-        dots: false,
-    };
+pub fn pose_ratios(path: &Path, curves: Vec<Curve>) -> anyhow::Result<()> {
+    let curve = |curve| Series { dots: false, ..joined(curve) };
     let words = Words {
         caption: "Share of the certain frames whose error is at most so many stated deviations",
         x: "stated standard deviations",
         y: "share of the frames",
         legend: SeriesLabelPosition::LowerRight,
     };
-    draw(path, &words, false, &curves.iter().map(curve).collect::<Vec<_>>(), &[])
+    draw(path, &words, false, &curves.into_iter().map(curve).collect::<Vec<_>>(), &[])
 }
 
 /// Something by the width of pictures, a curve for each name.
@@ -185,10 +165,9 @@ pub fn sizes(
     path: &Path,
     caption: &'static str,
     y: &'static str,
-    curves: impl Iterator<Item = (String, Vec<(f64, f64)>)>,
+    curves: impl Iterator<Item = Curve>,
 ) -> anyhow::Result<()> {
-    let curve = |(name, points)| Series { name, points, line: true, dots: true };
-    let series: Vec<Series> = curves.map(curve).collect();
+    let series: Vec<Series> = curves.map(joined).collect();
     let points = || series.iter().flat_map(|series| series.points.iter());
     let mut labels: Vec<_> = points().map(|point| (*point, format!("{:.0}", point.1))).collect();
     // A logarithmic axis names powers of ten alone.
@@ -202,12 +181,8 @@ pub fn sizes(
 
 /// PSNR of renders against the time of the search, a point for each size.
 pub fn psnr_by_time(path: &Path, points: Vec<((f64, f64), String)>) -> anyhow::Result<()> {
-    let series = Series {
-        name: "render at the pose found".into(),
-        points: points.iter().map(|(point, _)| *point).collect(),
-        line: true,
-        dots: true,
-    };
+    let own = points.iter().map(|(point, _)| *point).collect();
+    let series = joined(("render at the pose found".into(), own));
     let words = Words {
         caption: "PSNR of the render against the time of the search",
         x: "milliseconds",
@@ -218,10 +193,10 @@ pub fn psnr_by_time(path: &Path, points: Vec<((f64, f64), String)>) -> anyhow::R
 }
 
 /// PSNR against bytes, a curve per coder.
-pub fn codecs(path: &Path, curves: Vec<(String, Vec<(f64, f64)>)>) -> anyhow::Result<()> {
+pub fn codecs(path: &Path, curves: Vec<Curve>) -> anyhow::Result<()> {
     let series = curves.into_iter().map(|(name, mut points)| {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Series { name, points, line: true, dots: true }
+        joined((name, points))
     });
     let words = Words {
         caption: "PSNR against bytes, means per frame",

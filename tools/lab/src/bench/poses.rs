@@ -4,7 +4,7 @@
 //! of the camera file are the truth. A frame's *ratios* are its errors along and about the camera's axes, each as a
 //! multiple of the stated standard deviation.
 
-mod print;
+mod summary;
 
 use std::path::Path;
 
@@ -13,7 +13,6 @@ use nvsprior::residual::{ResidualEncoder, ResidualSetup};
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, FrameStats, Picture, Pose, Rate};
 use nvsprior_inputs::args::progress;
 use nvsprior_train::pose_trials::moved;
-use serde::Serialize;
 
 use super::RunArgs;
 use super::context::Context;
@@ -21,6 +20,7 @@ use super::plot;
 use super::recovery::Condition;
 use nvsprior_inputs::report::{Table, fixed, write_json};
 use nvsprior_inputs::statistics::median;
+use summary::{Axis, Summary};
 
 /// Measure how far poses are off, beside what the encoder says of them
 ///
@@ -75,42 +75,6 @@ struct Run {
     frames: Vec<FoundPose>,
 }
 
-/// An axis over the certain frames.
-#[derive(Serialize)]
-struct Axis {
-    name: &'static str,
-    /// Medians: the prior's unit, or radians.
-    error: f64,
-    deviation: f64,
-    /// Shares of the frames whose error is at most so many deviations. An open axis is within any.
-    within_2: f64,
-    within_4: f64,
-    /// Share of the frames in which the axis is open.
-    open: f64,
-}
-
-/// A run in figures.
-#[derive(Serialize)]
-struct Summary {
-    condition: &'static str,
-    frames: usize,
-    certain: usize,
-    /// Frames whose packet says that the position is known.
-    known: usize,
-    /// Those of them that are off by more than four times what is stated, along or about an axis.
-    known_and_wrong: usize,
-    axes: Vec<Axis>,
-    /// Medians over the certain frames: the prior's unit, degrees.
-    position_error: f64,
-    rotation_error_degrees: f64,
-    /// Means over all frames.
-    render_psnr: f64,
-    /// At 29, 31 and 33 dB.
-    bytes: [f64; 3],
-    /// Share of the frames of which a start ends more than [`BELOW`] dB below the best one; null if not compared.
-    starts_apart: Option<f64>,
-}
-
 /// Measures, prints and writes it all to a folder.
 ///
 /// `conditions`: none is the frames as they are. `compares`: each frame is also searched for by itself.
@@ -138,10 +102,10 @@ fn compare(
     let runs = conditions.iter().map(measure).collect::<anyhow::Result<Vec<Run>>>()?;
     bar.finish_and_clear();
     let summaries: Vec<Summary> = runs.iter().map(summary).collect();
-    print::print(&summaries);
+    summary::print(&summaries);
     write_json(&folder.join("poses.json"), &summaries)?;
     table(&runs).write_csv(&folder.join("poses.csv"))?;
-    plot::pose_ratios(&folder.join("poses.svg"), &curves(&runs))
+    plot::pose_ratios(&folder.join("poses.svg"), curves(&runs))
 }
 
 /// Finds the poses of the run under a condition.
@@ -279,7 +243,7 @@ fn table(runs: &[Run]) -> Table {
 }
 
 /// How large a share of the certain frames is off by at most so many stated deviations, by axis.
-fn curves(runs: &[Run]) -> Vec<(String, Vec<(f64, f64)>)> {
+fn curves(runs: &[Run]) -> Vec<plot::Curve> {
     let certain = || runs.iter().flat_map(|run| &run.frames).filter(|found| found.stats.certain);
     let curve = |(i, name): (usize, &str)| {
         let mut ratios: Vec<f64> = certain().map(|found| found.ratios()[i]).collect();

@@ -1,8 +1,8 @@
 //! `nvsprior-lab recovery`: how a lost camera is found again, and whether the encoder knows that it
 //! is lost.
 //!
-//! *Found*: the prior's render at the encoder's pose is at most [`SHORT`] dB below that at the best known pose, both
-//! against the clean frame, and the two poses are near each other. *Wrong*: more than [`WRONG`] dB below it, or far
+//! *Found*: the prior's render at the encoder's pose is at most [`super::perturbed::SHORT`] dB below that at the best known pose, both
+//! against the clean frame, and the two poses are near each other. *Wrong*: more than [`probe::WRONG`] dB below it, or far
 //! from the best known pose. *False certain*: wrong, and the encoder is certain of it.
 
 mod capture;
@@ -10,6 +10,7 @@ mod chart;
 mod condition;
 mod dropouts;
 mod foreign;
+mod measurement;
 mod nothing;
 pub(super) mod pixels;
 mod print;
@@ -21,49 +22,15 @@ mod table;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use nvsprior::Prior;
 
 use super::RunArgs;
 use super::context::Context;
 use super::optimum;
-use super::perturbed::SHORT;
 pub(super) use condition::Condition;
+use measurement::Measurement;
 use nvsprior_inputs::values;
 use probe::Run;
-
-/// Further below the best known pose's render than this, a pose is wrong, dB.
-pub const WRONG: f64 = 1.0;
-
-/// How often an encoder that has not found its pose gets the same frame: a lost encoder goes on searching.
-pub const TRIES: usize = 5;
-
-/// What is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Measurement {
-    /// Starts moved off along or about one axis
-    Capture,
-    /// No pose at all, under conditions
-    Nothing,
-    /// Frames that show nothing, in the middle of a run
-    Dropouts,
-    /// Frames of another scene
-    Foreign,
-}
-
-impl Measurement {
-    pub const ALL: [Measurement; 4] =
-        [Measurement::Capture, Measurement::Nothing, Measurement::Dropouts, Measurement::Foreign];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Measurement::Capture => "capture",
-            Measurement::Nothing => "nothing",
-            Measurement::Dropouts => "dropouts",
-            Measurement::Foreign => "foreign",
-        }
-    }
-}
 
 /// Measure how a lost camera is found again
 ///

@@ -1,7 +1,5 @@
 //! `nvsprior-lab scaling`: time against the number of splats and the size of the picture.
 
-use std::time::Instant;
-
 use nvsprior::prior::Splats;
 use nvsprior::render::{Jacobian, Plan};
 use nvsprior::{Camera, Picture, Prior};
@@ -9,7 +7,9 @@ use serde::Serialize;
 
 use super::configurations::chosen;
 use super::context::Context;
+use super::forward::timed;
 use super::perturbed::even;
+use super::plot::Curve;
 use super::{RunArgs, optimum, plot};
 use nvsprior_inputs::args::with_progress;
 use nvsprior_inputs::report::{Table, fixed_or_empty, write_json};
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         table.print();
         table.write_csv(&folder.join("scaling.csv"))?;
         write_json(&folder.join("scaling.json"), &rows)?;
-        plot::scaling(&folder.join("scaling.svg"), &rows)
+        plot::scaling(&folder.join("scaling.svg"), curves(&rows))
     })
 }
 
@@ -95,6 +95,19 @@ fn table(rows: &[Row]) -> Table {
     )
 }
 
+/// Milliseconds against splats: at each size, of a forward render and of an evaluation.
+fn curves(rows: &[Row]) -> Vec<Curve> {
+    let of = |(width, height): (u32, u32), what: &str, ms: fn(&Row) -> Option<f64>| {
+        let own = rows.iter().filter(|row| (row.width, row.height) == (width, height));
+        let points = own.filter_map(|row| Some((row.splats as f64, ms(row)?)));
+        (format!("{width}×{height}, {what}"), points.collect())
+    };
+    let both = |size| {
+        [of(size, "forward render", |r| r.forward_ms), of(size, "evaluation", |r| r.evaluation_ms)]
+    };
+    SIZES.into_iter().flat_map(both).filter(|(_, points): &Curve| !points.is_empty()).collect()
+}
+
 /// Milliseconds of a forward render and of an evaluation.
 fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<[f64; 2]> {
     let pose = context.best[0].pose;
@@ -107,12 +120,8 @@ fn time(context: &Context, prior: &Prior, camera: &Camera) -> anyhow::Result<[f6
     let (mut forward, mut evaluation) = (Vec::new(), Vec::new());
     // The first round does not count: drivers finish their work at first use.
     for _ in 0..=RUNS {
-        let since = Instant::now();
-        renderer.picture(&pose, &mut picture)?;
-        forward.push(since.elapsed().as_secs_f64() * 1e3);
-        let since = Instant::now();
-        renderer.normal_equations(0, Jacobian::Flow, &pose)?;
-        evaluation.push(since.elapsed().as_secs_f64() * 1e3);
+        forward.push(timed(|| Ok(renderer.picture(&pose, &mut picture)?))?.1);
+        evaluation.push(timed(|| Ok(renderer.normal_equations(0, Jacobian::Flow, &pose)?))?.1);
     }
     let counted = |times: Vec<f64>| median(times.into_iter().skip(1));
     Ok([forward, evaluation].map(counted))

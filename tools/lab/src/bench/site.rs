@@ -11,7 +11,7 @@ use anyhow::{Context as _, ensure};
 use nvsprior::Prior;
 use nvsprior_basin::PRIOR;
 use nvsprior_inputs::args::{DeviceArgs, progress};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::{ReportArgs, plot};
 use tiled::Tiled;
@@ -123,19 +123,4 @@ fn line(row: &Value) -> String {
         mebibytes("device_bytes"),
         row["splats_on_device"],
     )
-}
-
-/// What a process tells of a scene's blocks.
-fn residency(scene: &nvsprior::render::Scene) -> Value {
-    let Some(residency) = scene.residency() else { return Value::Null };
-    json!({
-        "blocks": residency.blocks,
-        "splats": residency.splats,
-        "room": residency.room,
-        "host_bytes": residency.host_bytes,
-        "changes": residency.changes,
-        "blocks_waited_for": residency.waits,
-        "repeated_searches": residency.repeated,
-        "incomplete_searches": residency.incomplete,
-    })
 }

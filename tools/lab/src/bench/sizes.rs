@@ -3,7 +3,6 @@
 mod coder;
 
 use std::path::Path;
-use std::time::Instant;
 
 use anyhow::ensure;
 use nvsprior::image::Preprocessor;
@@ -15,7 +14,7 @@ use nvsprior_inputs::input::InputArgs;
 use serde::Serialize;
 
 use super::context::{Shot, host_bytes};
-use super::forward::Forward;
+use super::forward::{Forward, timed};
 use super::{ReportArgs, plot};
 use nvsprior_inputs::report::{Table, fixed, fixed_or_empty, write_json};
 use nvsprior_inputs::statistics::median;
@@ -219,9 +218,7 @@ impl Size<'_> {
         let mut decoder = Decoder::new(self.engine, self.scene);
         let mut times = Vec::new();
         for packet in packets {
-            let since = Instant::now();
-            decoder.decode(packet)?;
-            times.push(since.elapsed().as_secs_f64() * 1e3);
+            times.push(timed(|| Ok(_ = decoder.decode(packet)?))?.1);
         }
         Ok((median(times[1..].iter().copied()), self.engine.memory().used))
     }

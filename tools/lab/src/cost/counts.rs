@@ -8,8 +8,6 @@ use nvsprior_kernels::shared::{
 };
 use nvsprior_reference::probe::Stages;
 
-use super::Sharing;
-
 /// The amounts of a render at one pose.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Counts {
@@ -40,12 +38,6 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// Bands of whole rows of tiles that are binned by themselves.
-    pub fn bands(&self, sharing: &Sharing) -> f64 {
-        let rows = (sharing.bin_table / self.tiles_x).floor().min(sharing.band_rows);
-        (self.tiles / self.tiles_x / rows).ceil()
-    }
-
     /// Counts a prior's render that left `stages`, if only one of 2^`row_shift` rows of tiles were drawn. `camera` is
     /// the level's, `frame` that of the full picture.
     pub fn of(

@@ -8,7 +8,9 @@ use nvsprior_basin::{CAMERA, Conditions, DemoFrame, Run};
 use nvsprior_inputs::args::DeviceArgs;
 use nvsprior_inputs::values;
 
-use super::{Bounds, Frame, Subject, devices};
+use super::devices;
+use super::measuring::Subject;
+use super::schema::Bounds;
 
 /// Measure a device within minutes: one report, one page
 ///
@@ -49,14 +51,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
     values::make_folder("--out", &args.out)?;
     let prior = Prior::from_bytes(nvsprior_basin::PRIOR, "the demo's prior", &Default::default())?;
-    let frames = |camera: Camera| -> Box<dyn Iterator<Item = Frame>> {
-        let run = nvsprior_basin::inspection_run_by(camera, Run::T2, usize::MAX, Conditions::CALM);
-        Box::new(run.map(|DemoFrame { name, picture, pose, time }| Frame {
-            name,
-            picture,
-            pose,
-            time,
-        }))
+    let frames = |camera: Camera| -> Box<dyn Iterator<Item = DemoFrame>> {
+        Box::new(nvsprior_basin::inspection_run_by(camera, Run::T2, usize::MAX, Conditions::CALM))
     };
     let cameras = SIZES.map(|[width, height]| CAMERA.resized(width, height));
     let subject = Subject { prior: &prior, cameras: &cameras, frames: &frames, budgets: &BUDGETS };

@@ -6,7 +6,6 @@ use anyhow::Context as _;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::Bounds;
 use super::host::Host;
 use crate::bench::report::Figures;
 use crate::ceilings::{Ceilings, Clock};
@@ -38,6 +37,26 @@ pub struct Report {
     /// Parts that should have worked.
     pub failures: Vec<Missing>,
     /// What all of it took.
+    pub seconds: f64,
+}
+
+/// The most that each part of a report does. A part also ends when its share of the seconds is over.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, clap::Args)]
+pub struct Bounds {
+    /// Built-in scenes that are compared with the host's pictures
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    pub scenes: u64,
+    /// Runs of each job whose stage times are averaged
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub runs: u32,
+    /// Frames of each size that are searched for and coded, after a first one
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub frames: u32,
+    /// Starts moved off by up to 3°, for each size
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub trials: u32,
+    /// About how long all of it may take, once the program is built
+    #[arg(long, value_name = "SECONDS", default_value_t = 360.0, value_parser = nvsprior_inputs::values::positive)]
     pub seconds: f64,
 }
 
@@ -80,7 +99,7 @@ pub struct Model {
 }
 
 /// What is measured at a size of pictures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Size {
     pub width: u32,
     pub height: u32,

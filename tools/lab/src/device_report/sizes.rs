@@ -3,12 +3,14 @@
 use nvsprior::image::Preprocessor;
 use nvsprior::vulkan::MemoryUse;
 use nvsprior::{Camera, EncoderOptions, Engine};
+use nvsprior_basin::DemoFrame;
 use nvsprior_inputs::args::{progress, with_progress};
 
-use super::coding::{self, ShotPose};
+use super::coding::{self, Found};
+use super::measuring::{Measuring, Subject};
 use super::pace::Pace;
 use super::schema::Size;
-use super::{Frame, Measuring, Subject, stages};
+use super::stages;
 use crate::bench::context::{Best, Context, Shot, host_bytes};
 use crate::bench::forward::Forward;
 use crate::bench::report::Figures;
@@ -201,7 +203,7 @@ fn open(
     let bar = progress(most, "drawing");
     let mut drawn = (subject.frames)(*camera);
     while shots.len() < most && (shots.len() < 2 || pace.goes_on()) {
-        let Some(Frame { name, mut picture, pose, time }) = drawn.next() else { break };
+        let Some(DemoFrame { name, mut picture, pose, time }) = drawn.next() else { break };
         preprocessor.apply(&mut picture);
         let psnr = picture.psnr(forward.picture(camera, &pose)?);
         best.push(Best { pose, psnr });
@@ -219,19 +221,7 @@ impl Size {
     /// With nothing measured yet.
     fn of(context: &Context) -> Size {
         let Camera { width, height, .. } = context.shots[0].camera;
-        Size {
-            width,
-            height,
-            splats: context.prior.splats().len(),
-            frames: context.shots.len(),
-            forward_render_ms: None,
-            stages: Vec::new(),
-            steady: None,
-            perturbed_3deg: None,
-            coding: Vec::new(),
-            device_memory_bytes: None,
-            device_memory_used_bytes: None,
-            host_memory_bytes: None,
-        }
+        let (splats, frames) = (context.prior.splats().len(), context.shots.len());
+        Size { width, height, splats, frames, ..Size::default() }
     }
 }

@@ -8,7 +8,7 @@ use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_paper::Decoder;
 
-use super::ENDING;
+use super::encode::ENDING;
 
 /// Decode what `paper encode` wrote
 #[derive(clap::Args)]

@@ -10,9 +10,11 @@ use nvsprior_inputs::summary::{self, Row};
 use nvsprior_inputs::values::{self, named};
 use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions, Optimizer};
 
-use super::ENDING;
 use crate::args::OPTIMIZERS;
 use crate::bench::StartArgs;
+
+/// How the names of packets end.
+pub const ENDING: &str = "paper";
 
 /// Encode the frames of a camera file as the paper does
 ///

@@ -3,12 +3,10 @@
 mod stages;
 mod storage;
 mod sums;
-
-use nvsprior::prior::Splats;
-use nvsprior::{Camera, Pose, Prior, RenderOverrides};
+mod which;
 
 use super::case::{Bench, Case, Group};
-use super::scenes::{self, cloud};
+use which::Which;
 
 pub const GROUP: Group = Group {
     name: "precision",
@@ -17,62 +15,6 @@ pub const GROUP: Group = Group {
             spread away.",
     cases,
 };
-
-/// As searches begin with.
-const DAMPING: f32 = 1e-3;
-
-/// A prior as a camera sees it.
-pub struct PriorView {
-    pub prior: Prior,
-    pub camera: Camera,
-    pub pose: Pose,
-}
-
-#[derive(Clone, Copy)]
-pub enum Which {
-    Random,
-    Moved,
-    Given,
-}
-
-impl Which {
-    fn name(self) -> &'static str {
-        match self {
-            Which::Random => "random",
-            Which::Moved => "random, moved by 1e6",
-            Which::Given => "given prior",
-        }
-    }
-
-    pub fn seen(self, bench: &Bench) -> anyhow::Result<PriorView> {
-        let camera = scenes::camera(160, 90);
-        let splats = || -> Splats {
-            let mut splats = cloud(40, 3_000, 3);
-            splats.log_scales.iter_mut().flatten().for_each(|s| *s -= 0.7);
-            splats
-        };
-        match (self, &bench.prior) {
-            (Which::Given, Some(path)) => {
-                let prior = Prior::open(path, &RenderOverrides::default())?;
-                let centre = glam::DVec3::from(prior.coordinate_frame().centre.map(f64::from));
-                let away = 3.0 * f64::from(prior.coordinate_frame().spread);
-                let translation = glam::DVec3::new(0.0, 0.0, away) - centre;
-                Ok(PriorView { prior, camera, pose: Pose { translation, ..Pose::IDENTITY } })
-            }
-            (Which::Moved, _) => {
-                let mut splats = splats();
-                // So far that an f32 tells only sixteenths apart. The prior's own positions are rounded there, so the
-                // twin sees them rounded too.
-                splats.positions.iter_mut().for_each(|p| p[0] += 1e6);
-                let pose = scenes::pose();
-                let away = pose.rotation * glam::DVec3::new(-1e6, 0.0, 0.0);
-                let pose = Pose { translation: pose.translation + away, ..pose };
-                Ok(PriorView { prior: scenes::prior(splats)?, camera, pose })
-            }
-            _ => Ok(PriorView { prior: scenes::prior(splats())?, camera, pose: scenes::pose() }),
-        }
-    }
-}
 
 fn cases(bench: &Bench) -> Vec<Case> {
     let mut which = vec![Which::Random, Which::Moved];

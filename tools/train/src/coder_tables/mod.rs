@@ -19,14 +19,7 @@ use nvsprior::random::Random;
 use vary::vary;
 
 pub use stream::{RunFrame, measure_stream, train_stream_tables};
-
-/// A frame and its render, as the encoder has them.
-pub struct Pair {
-    /// What the camera saw.
-    pub frame: Picture,
-    /// What the prior shows at the pose found.
-    pub render: Picture,
-}
+pub use vary::Pair;
 
 #[derive(Clone, Copy, Debug)]
 pub struct TableOptions {

@@ -1,10 +1,17 @@
-//! Frames as other scenes, dives and cameras might give them.
+//! Frames and their renders, also as other scenes, dives and cameras might give them.
 
 use nvsprior::Picture;
 use nvsprior::random::Random;
 
-use super::Pair;
 use super::silt::Silt;
+
+/// A frame and its render, as the encoder has them.
+pub struct Pair {
+    /// What the camera saw.
+    pub frame: Picture,
+    /// What the prior shows at the pose found.
+    pub render: Picture,
+}
 
 /// A pair made of one of `all`: mirrored, lit otherwise, beside another's render or none.
 pub fn vary(pair: &Pair, all: &[Pair], random: &mut Random) -> Pair {

@@ -5,9 +5,11 @@
 //! follows from the seed and the number of the step: the same input gives the same prior on one device, byte for byte,
 //! also if training is interrupted and goes on.
 
+mod error;
 mod exposure;
 mod frames;
 mod memory;
+mod options;
 mod order;
 mod poses;
 mod relocate;
@@ -16,18 +18,20 @@ mod schedule;
 mod splats;
 mod start;
 
-use crate::trainer::{NoRoom, Trainer, TrainingPlan, TrainingState, TrainingView};
+use crate::trainer::{Trainer, TrainingState, TrainingView};
 use glam::DVec3;
-use nvsprior::prior::{PriorError, RenderOptions, Splats};
+use nvsprior::prior::Splats;
 use nvsprior::random::Random;
-use nvsprior::vulkan::{Error as DeviceError, StageTime};
+use nvsprior::vulkan::StageTime;
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
 use nvsprior_kernels::training::planes;
 
 use crate::PosedPicture;
+pub use error::MapError;
 pub use exposure::Exposure;
 use frames::{Frames, Look};
 use memory::{Memory, Now};
+pub use options::MapOptions;
 pub(crate) use order::Order;
 use poses::PoseSteps;
 use relocate::{relocate, sort_by_size};
@@ -38,84 +42,6 @@ use splats::to_roomy_planes;
 pub(crate) use splats::{from_planes, to_planes};
 pub use start::ColouredPoint;
 use start::start;
-
-#[derive(Clone, Debug, PartialEq)]
-pub struct MapOptions {
-    pub render: RenderOptions,
-    /// Most splats.
-    pub splats: u32,
-    /// Degree of the spherical harmonics, 0 to 3.
-    pub sh_degree: u32,
-    pub schedule: Schedule,
-    /// Fit each picture's light, and train on the pictures without it: see [`Exposure`].
-    pub exposure: bool,
-    /// Correct the poses: see [`Mapper::poses`].
-    pub correct_poses: bool,
-    pub seed: u64,
-    /// The sizes that the prior is trained for, each in its turn: how much smaller than the pictures they are. 1: as
-    /// large.
-    pub reductions: Vec<u32>,
-    /// Have the device time its stages.
-    pub profiled: bool,
-}
-
-impl Default for MapOptions {
-    fn default() -> MapOptions {
-        MapOptions {
-            render: RenderOptions::INRIA,
-            splats: 40_000,
-            sh_degree: 1,
-            schedule: Schedule::default(),
-            exposure: false,
-            correct_poses: false,
-            seed: 1,
-            reductions: vec![1],
-            profiled: false,
-        }
-    }
-}
-
-impl MapOptions {
-    /// The same, for a prior that states the focal length of this camera, unless another is asked for: its low-pass
-    /// then fits pictures of all sizes.
-    pub fn stating_focal(self, camera: &Camera) -> MapOptions {
-        let trained_focal = self.render.trained_focal.or(Some(camera.fx));
-        MapOptions { render: RenderOptions { trained_focal, ..self.render }, ..self }
-    }
-
-    /// What the device trains, on pictures of this size. Positions are relative to `centre`.
-    pub fn plan(&self, size: [u32; 2], centre: DVec3) -> TrainingPlan {
-        TrainingPlan {
-            size,
-            options: self.render,
-            sh_degree: self.sh_degree,
-            splats: self.splats,
-            centre,
-            ssim: self.schedule.ssim > 0.0,
-            profiled: self.profiled,
-        }
-    }
-}
-
-#[derive(Debug, thiserror::Error)]
-pub enum MapError {
-    #[error("no picture to train on")]
-    NoPictures,
-    #[error("picture {index}: {width}×{height}, the first one has another size")]
-    Size { index: usize, width: u32, height: u32 },
-    #[error("picture {index}: its pose is not finite")]
-    Pose { index: usize },
-    #[error("option {name} = {value} is out of range: {range}")]
-    Option { name: &'static str, value: f64, range: &'static str },
-    #[error("the saved state is of another training: {what}")]
-    State { what: &'static str },
-    #[error(transparent)]
-    Splats(#[from] PriorError),
-    #[error(transparent)]
-    NoRoom(#[from] NoRoom),
-    #[error(transparent)]
-    Device(#[from] DeviceError),
-}
 
 /// A training as it stands after a step: enough to go on.
 #[derive(Clone, Debug, PartialEq)]

@@ -3,7 +3,16 @@
 use glam::DVec3;
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-use super::PartsError;
+/// A run that has fewer places than it should have parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{pictures} pictures cannot be divided into {parts} parts with one place each that a picture was taken from: \
+        take fewer parts"
+)]
+pub struct PartsError {
+    pub parts: usize,
+    pub pictures: usize,
+}
 
 /// A division of all places among parts, by planes between cameras.
 #[derive(Clone, Debug)]

@@ -20,19 +20,8 @@ use nvsprior::prior::Splats;
 use rayon::prelude::*;
 
 use crate::mapper::ColouredPoint;
-pub use cells::Cells;
+pub use cells::{Cells, PartsError};
 pub use view::View;
-
-/// A run that has fewer places than it should have parts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{pictures} pictures cannot be divided into {parts} parts with one place each that a picture was taken from: \
-        take fewer parts"
-)]
-pub struct PartsError {
-    pub parts: usize,
-    pub pictures: usize,
-}
 
 /// A picture trains each part that takes at least this share of what it shows.
 const SHARE: f64 = 0.1;

@@ -1,27 +1,30 @@
-//! What a prior came to that was trained in parts.
+//! A run in parts, whole: trains them all, writes one prior, and tells what it came to.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use anyhow::Context;
+use glam::DVec3;
+use nvsprior::prior::Splats;
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
 use nvsprior::{Engine, Prior};
 use nvsprior_inputs::report::write_json;
-use nvsprior_train::parts::Parts;
+use nvsprior_train::parts::{Cells, Parts, View, places};
 use serde_json::{Value, json};
 
 use super::super::report::{Poses, mean};
-use super::{DVec3, PartsRun};
+use super::PartsRun;
 use crate::picture_renderer::PictureRenderer;
 
 /// All parts, put together.
-pub struct Whole<'a> {
-    pub run: &'a PartsRun<'a>,
-    pub parts: &'a Parts,
-    pub points: &'a [DVec3],
+struct Whole<'a> {
+    run: &'a PartsRun<'a>,
+    parts: &'a Parts,
+    points: &'a [DVec3],
     /// Splats that each part keeps.
-    pub counts: Vec<usize>,
-    pub poses: Option<Poses>,
+    counts: Vec<usize>,
+    poses: Option<Poses>,
 }
 
 /// A picture that was held out, drawn by the whole prior.
@@ -33,9 +36,41 @@ struct Measured {
     psnr: f64,
 }
 
+impl PartsRun<'_> {
+    /// Trains the parts one after the other, and writes them as one prior. `parts`: how many.
+    pub fn run(mut self, parts: usize, poses: Option<Poses>) -> anyhow::Result<()> {
+        let views: Vec<View> = self.listed.train.iter().map(|input| self.view(input)).collect();
+        let cameras: Vec<DVec3> = views.iter().map(|view| view.pose.centre()).collect();
+        let cells = Cells::of(&cameras, parts)?;
+        let folder = self.folder();
+        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        self.args.inputs.write_undistorted(&self.listed)?;
+        let near = f64::from(self.options.render.near);
+        if self.listed.points.is_empty() {
+            let own = Parts::new(cells.clone(), parts, views.clone(), &[], near);
+            self.listed.points = self.coarse_points(&own)?;
+        }
+        let points = places(&self.listed.points);
+        let parts = Parts::new(cells, parts, views.clone(), &points, near);
+        self.check_memory(&parts)?;
+        let mut splats = Splats { sh_degree: self.options.sh_degree, ..Splats::default() };
+        let mut counts = Vec::new();
+        for part in 0..parts.count() {
+            let mut own = self.part(&parts, part)?;
+            counts.push(own.len());
+            splats.append(&mut own);
+        }
+        let scene = self.write(&splats, &views)?;
+        let whole = Whole { run: &self, parts: &parts, points: &points, counts, poses };
+        whole.report(scene)?;
+        self.remove_folder();
+        self.args.device.check(self.engine)
+    }
+}
+
 impl Whole<'_> {
     /// Measures the prior that was written, and writes the figures.
-    pub fn report(&self, prior: PathBuf) -> anyhow::Result<()> {
+    fn report(&self, prior: PathBuf) -> anyhow::Result<()> {
         let measured = match self.measure(&prior) {
             Ok(measured) => measured,
             Err(error) => {

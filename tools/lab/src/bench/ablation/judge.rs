@@ -6,7 +6,8 @@ use nvsprior::render::{Plan, Renderer};
 use nvsprior::{Camera, Picture, Pose, Rate};
 use nvsprior_paper::WebpEncoder;
 
-use super::super::context::{Context, Shot};
+use super::super::context::{Best, Context, Shot};
+use super::method::{Attempt, Method};
 
 /// Quality of the difference picture.
 const QUALITY: Rate = Rate::Quality(10.0);
@@ -28,6 +29,14 @@ impl Verdict {
     }
 }
 
+/// What a method made of a frame.
+pub struct Judged {
+    pub shot: usize,
+    pub method: Method,
+    pub attempt: Attempt,
+    pub verdict: Verdict,
+}
+
 /// Renders poses and codes the differences.
 #[derive(Default)]
 pub struct Judge {
@@ -42,12 +51,23 @@ struct Tools {
 }
 
 impl Judge {
+    /// Judges what a method made of a frame. If its pose is better than the best known one, it is that from then on.
     pub fn judge(
         &mut self,
-        context: &Context,
+        context: &mut Context,
         shot: usize,
-        pose: &Pose,
-    ) -> anyhow::Result<Verdict> {
+        method: Method,
+        attempt: Attempt,
+    ) -> anyhow::Result<Judged> {
+        let verdict = self.verdict(context, shot, &attempt.pose)?;
+        let best = &mut context.best[shot];
+        if verdict.psnr() > best.psnr {
+            *best = Best { pose: attempt.pose, psnr: verdict.psnr() };
+        }
+        Ok(Judged { shot, method, attempt, verdict })
+    }
+
+    fn verdict(&mut self, context: &Context, shot: usize, pose: &Pose) -> anyhow::Result<Verdict> {
         let Shot { file, camera, picture, .. } = &context.shots[shot];
         let Tools { renderer, webp, render, .. } = self.tools(context, camera)?;
         renderer.picture(pose, render)?;

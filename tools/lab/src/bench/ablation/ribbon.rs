@@ -6,9 +6,10 @@ use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
 
+use super::judge::Judged;
 use super::method::Method;
 use super::perturbation::{BINS, Kind};
-use super::{Ablation, Judged};
+use super::summary::Ablation;
 use nvsprior_inputs::statistics::Quartiles;
 
 const SIZE: (u32, u32) = (1440, 700);

@@ -7,9 +7,9 @@ use nvsprior::{EncoderOptions, Picture, Pose};
 
 use super::super::context::{Context, Sample};
 use super::super::perturbed::{NEAR, steps};
-use super::Judged;
-use super::judge::Judge;
-use super::method::{Attempt, Method, Searches};
+use super::judge::{Judge, Judged};
+use super::method::{Attempt, Method};
+use super::searches::Searches;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StartSource {
@@ -111,10 +111,7 @@ pub fn measure(
                     StartSource::Relocaliser => estimated,
                 };
                 let sample = sample(context, searches, method, shot, pose, &poses[shot - 1])?;
-                let verdict = judge.judge(context, shot, &sample.pose)?;
-                let attempt = Attempt::of(&sample);
-                super::learn(context, shot, &attempt, &verdict);
-                let outcome = Judged { shot, method, attempt, verdict };
+                let outcome = judge.judge(context, shot, method, Attempt::of(&sample))?;
                 trials.push(StartTrial { source, outcome });
                 done();
             }

@@ -7,12 +7,26 @@ use serde::Serialize;
 use super::super::context::Context;
 use super::super::perturbed::SHORT;
 use super::super::report::{About, BestPsnr};
+use super::judge::Judged;
 use super::method::Method;
-use super::perturbation::{BINS, Kind, Limits};
-use super::start::{METHODS, StartSource};
-use super::{Ablation, Judged};
+use super::perturbation::{BINS, Kind, Limits, Perturbation};
+use super::start::{METHODS, StartSource, StartTrial};
 use nvsprior_inputs::report::{Table, fixed, write_json};
 use nvsprior_inputs::statistics::{Quartiles, median};
+
+/// One start with one method.
+pub struct Trial {
+    /// Which start of its kind.
+    pub number: usize,
+    pub perturbation: Perturbation,
+    pub outcome: Judged,
+}
+
+pub struct Ablation {
+    pub limits: Limits,
+    pub trials: Vec<Trial>,
+    pub starts: Vec<StartTrial>,
+}
 
 /// How far a render is below that of the best known pose, dB.
 pub fn short(context: &Context, outcome: &Judged) -> f64 {

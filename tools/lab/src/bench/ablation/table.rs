@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use super::super::context::Context;
+use super::judge::Judged;
+use super::perturbation::Perturbation;
 use super::start::StartTrial;
-use super::{Judged, Perturbation, Trial, summary};
+use super::summary::{self, Trial};
 use nvsprior_inputs::report::{Column, Table, fixed};
 
 /// Writes the trials, a row each.

@@ -3,7 +3,7 @@
 use nvsprior::Picture;
 
 use super::run::{Beside, Run};
-use super::timed_value;
+use crate::bench::forward::timed_value;
 
 /// Names of the baseline as the paper has it, at the poses of an estimator: with WebP, with JPEG XL.
 pub const ESTIMATED: [&str; 2] = ["affine-webp", "affine-jpeg-xl"];

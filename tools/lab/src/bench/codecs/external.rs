@@ -6,7 +6,8 @@ use anyhow::Context as _;
 use nvsprior::Picture;
 use nvsprior_inputs::frame_file;
 
-use super::{CodedRun, Input, Mode, Point, Run, timed};
+use super::{CodedRun, Input, Mode, Point, Run};
+use crate::bench::forward::timed;
 use nvsprior_inputs::ffmpeg::{self, FROM_YUV, QUIET, RGB, TO_YUV, run_program};
 
 /// A coder, by its programs.

@@ -10,7 +10,8 @@ use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualSetup, 
 use nvsprior::Picture;
 use nvsprior_paper::{Webp, WebpEncoder};
 
-use super::{CodedRun, Input, Mode, Point, Run, timed};
+use super::{CodedRun, Input, Mode, Point, Run};
+use crate::bench::forward::timed;
 
 #[derive(Clone, Copy)]
 enum Coder {

@@ -8,8 +8,8 @@ use nvsprior::residual::wavelet::Step;
 use nvsprior::residual::{Rate, ResidualDecoder, ResidualEncoder, ResidualSetup, Tune};
 
 use super::super::context::Context;
+use super::super::forward::timed;
 use super::run::Run;
-use super::timed;
 use nvsprior_inputs::report::{Table, fixed};
 use nvsprior_inputs::statistics::{Spread, median};
 

@@ -6,8 +6,8 @@ use nvsprior::tracking::{Candidate, Objective, Relocaliser};
 use nvsprior::{Camera, Picture};
 use nvsprior_inputs::args::progress;
 
-use crate::bench::codecs::timed;
 use crate::bench::context::{Context, Shot};
+use crate::bench::forward::timed;
 
 /// Proposed poses that are looked at more closely.
 const PROPOSED: usize = 4;

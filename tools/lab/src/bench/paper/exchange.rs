@@ -7,12 +7,18 @@ use nvsprior_inputs::values::make_folder;
 use nvsprior_runs::write_png;
 use serde::Serialize;
 
-use super::Set;
 use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
 use nvsprior_inputs::report::write_json;
 
-pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow::Result<()> {
+/// `set`: the name of the frames; `cameras`: of their camera file.
+pub fn write(
+    folder: &Path,
+    set: &str,
+    cameras: &str,
+    context: &Context,
+    invs: &Run,
+) -> anyhow::Result<()> {
     let kinds = ["frames", "renders", "differences"].map(|kind| folder.join(kind));
     for kind in &kinds {
         make_folder("--report", kind)?;
@@ -27,12 +33,12 @@ pub fn write(folder: &Path, set: &Set, context: &Context, invs: &Run) -> anyhow:
     let camera = context.shots[0].camera;
     let names: Vec<&str> = context.shots.iter().map(|shot| shot.name.as_str()).collect();
     let manifest = Manifest {
-        set: &set.name,
+        set,
         width: camera.width,
         height: camera.height,
         frames: names,
         prior: format!("{:08x}", context.scene.id().0),
-        cameras: &set.cameras,
+        cameras,
     };
     write_json(&folder.join("manifest.json"), &manifest)
 }

@@ -6,8 +6,8 @@ use nvsprior::{Decoder, EncoderOptions, FrameInfo, Mode, Pose};
 
 use super::coders::Method;
 use super::row::{Coded, Setting};
-use crate::bench::codecs::timed;
 use crate::bench::context::{Context, Shot};
+use crate::bench::forward::timed;
 
 pub struct Ours<'a> {
     pub context: &'a Context,

@@ -13,30 +13,20 @@ use embedded_graphics::text::Text;
 use nvsprior::Picture;
 use nvsprior_runs::Sheet;
 
-use super::row::{Entry, Row};
+use super::row::{Entry, Row, shown_of};
 use crate::bench::codecs::run::Run;
 
 /// The methods that are shown, if they were measured.
 const SHOWN: [&str; 6] =
     ["webp", "jpeg-xl", "mean-scale-hyperprior", "mlic++", "invs+webp", "ours-intra"];
-/// Rows of pictures, spread over the frames.
-const ROWS: usize = 3;
 /// Height of a label, pixels: two lines of text.
 const LABEL: u32 = 34;
-
-/// Which of so many frames are shown.
-pub fn indices(count: usize) -> Vec<usize> {
-    let mut indices: Vec<usize> =
-        (0..ROWS).map(|i| i * count.saturating_sub(1) / (ROWS - 1)).collect();
-    indices.dedup();
-    indices
-}
 
 /// Writes the camera's frames beside what each method shows, as one PNG.
 pub fn write(path: &Path, frames: &Run, entries: &[Entry]) -> anyhow::Result<()> {
     let rows: Vec<&Row> = SHOWN.iter().filter_map(|name| named(entries, name)).collect();
     let frames = &frames.frames;
-    let indices = indices(frames.len());
+    let indices = shown_of(frames.len());
     let cell = (frames[0].width, frames[0].height);
     let (columns, lines) = (rows.len() as u32 + 1, indices.len() as u32);
     let mut sheet = Sheet::new(columns, lines, cell, LABEL);

@@ -8,11 +8,19 @@ use anyhow::Context as _;
 use super::methods::ANCHOR;
 use super::published::{Table, frame_psnr, tables};
 use super::row::{Entry, Row};
-use super::{Rows, Set, equal, picture};
+use super::{equal, picture};
 use crate::bench::codecs::run::Run;
 use crate::bench::perturbed::SHORT;
 use crate::bench::plot;
 use nvsprior_inputs::report::{self, fixed, write_json};
+
+/// All rows: at the working points, and at one PSNR.
+pub struct Rows {
+    pub working: Vec<Entry>,
+    /// The PSNR that [`Rows::equal`] aims at, dB.
+    pub target: f64,
+    pub equal: Vec<Entry>,
+}
 
 pub fn print(rows: &Rows) {
     println!("means per frame; bytes are all that is sent, pose and header included");
@@ -71,7 +79,7 @@ fn words(row: &Row) -> String {
 }
 
 /// Writes paper.json, paper-equal.json, paper.md, paper.svg and paper.png.
-pub fn write(folder: &Path, set: &Set, frames: &Run, rows: &Rows) -> anyhow::Result<()> {
+pub fn write(folder: &Path, set: &str, frames: &Run, rows: &Rows) -> anyhow::Result<()> {
     write_json(&folder.join("paper.json"), &rows.working)?;
     write_json(&folder.join("paper-equal.json"), &rows.equal)?;
     let path = folder.join("paper.md");
@@ -93,8 +101,8 @@ fn curves(rows: &Rows) -> Vec<(String, Vec<(f64, f64)>)> {
     rows.working.iter().filter_map(Entry::row).map(curve).collect()
 }
 
-fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
-    let (tables, psnr) = (tables(&set.name), frame_psnr(&set.name));
+fn markdown(set: &str, frames: &Run, rows: &Rows) -> String {
+    let (tables, psnr) = (tables(set), frame_psnr(set));
     let mut text = String::new();
     let size = frames.frames.first().map_or((0, 0), |frame| (frame.width, frame.height));
     let _ = writeln!(
@@ -118,7 +126,7 @@ fn markdown(set: &Set, frames: &Run, rows: &Rows) -> String {
          Packets \
          of both estimators state their session, 29 bytes more. A frame is found \
          if its render is at most {SHORT} dB below the best that any row has.\n",
-        set.name,
+        set,
         frames.frames.len(),
         size.0,
         size.1,

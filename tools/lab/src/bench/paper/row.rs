@@ -3,7 +3,6 @@
 use nvsprior::{Picture, Rate};
 use serde::{Serialize, Serializer};
 
-use super::picture;
 use crate::bench::codecs::run::Run;
 use crate::bench::similarity::Similarity;
 
@@ -39,6 +38,17 @@ impl Setting {
     }
 }
 
+/// Rows of pictures, spread over the frames.
+const ROWS: usize = 3;
+
+/// Which of so many frames are shown.
+pub fn shown_of(count: usize) -> Vec<usize> {
+    let mut indices: Vec<usize> =
+        (0..ROWS).map(|i| i * count.saturating_sub(1) / (ROWS - 1)).collect();
+    indices.dedup();
+    indices
+}
+
 /// All frames coded: means per frame.
 pub struct Coded {
     pub setting: Setting,
@@ -63,7 +73,7 @@ pub struct Row {
     pub encode_ms: f64,
     pub decode_ms: f64,
     pub frames: usize,
-    /// What the topside shows of the frames of [`picture::indices`].
+    /// What the topside shows of the frames of [`shown_of`].
     #[serde(skip)]
     pub shown: Vec<Picture>,
     /// Mean over the frames, dB.
@@ -90,7 +100,7 @@ impl Row {
     pub fn new(method: impl Into<String>, coded: Coded, frames: &Run) -> Row {
         let Coded { setting, bytes, encode_ms, decode_ms, shown } = coded;
         let raw = shown.first().map_or(0, |picture| picture.data.len());
-        let kept = picture::indices(shown.len()).into_iter().map(|index| shown[index].clone());
+        let kept = shown_of(shown.len()).into_iter().map(|index| shown[index].clone());
         Row {
             method: method.into(),
             setting,

@@ -1,9 +1,10 @@
 //! The columns as text.
 
 use super::super::context::Context;
+use super::Measurement;
 use super::dropouts::CLEAR;
+use super::probe::TRIES;
 use super::summary::{Column, DropoutFigures, EARLY, Early};
-use super::{Measurement, TRIES};
 use nvsprior_inputs::report::{self, Table, fixed};
 use nvsprior_inputs::statistics::{Spread, median};
 

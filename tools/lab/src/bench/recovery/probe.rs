@@ -10,7 +10,14 @@ use nvsprior::{Encoder, EncoderOptions, Error, FrameInfo, Picture};
 use super::super::context::{Best, Context, Shot};
 use super::super::forward::Forward;
 use super::super::optimum::beyond;
-use super::{Measurement, SHORT, TRIES, WRONG};
+use super::super::perturbed::SHORT;
+use super::Measurement;
+
+/// Further below the best known pose's render than this, a pose is wrong, dB.
+pub const WRONG: f64 = 1.0;
+
+/// How often an encoder that has not found its pose gets the same frame: a lost encoder goes on searching.
+pub const TRIES: usize = 5;
 
 /// Frames given to an encoder one after another, after it was reset.
 pub struct Run {

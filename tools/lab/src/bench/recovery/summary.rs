@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::super::context::Context;
 use super::super::perturbed::SHORT;
 use super::super::report::{About, BestPsnr};
+use super::Measurement;
 use super::dropouts::CLEAR;
-use super::probe::{Answer, Frame, Phase, Run};
-use super::{Measurement, TRIES, WRONG};
+use super::probe::{Answer, Frame, Phase, Run, TRIES, WRONG};
 use nvsprior_inputs::report::write_json;
 use nvsprior_inputs::statistics::Spread;
 

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Plan, Scene};
@@ -11,8 +10,8 @@ use nvsprior::{Encoder, Engine, Prior, RenderOverrides};
 use nvsprior_inputs::args::progress;
 use serde_json::{Value, json};
 
-use super::measured::{frame, options};
-use super::residency;
+use super::super::forward::timed;
+use super::measured::{frame, options, residency};
 use super::tiled::{CAMERA, STEP, pose};
 use nvsprior_inputs::statistics::median;
 
@@ -41,9 +40,8 @@ pub fn fly(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value> {
         let frame = frame(&mut renderer, along)?;
         let hint = (i == 0).then(|| pose(along));
         let before = waits(&scene);
-        let since = Instant::now();
-        let encoded = encoder.encode(&frame, hint)?;
-        times.push(since.elapsed().as_secs_f64() * 1e3);
+        let (encoded, ms) = timed(|| Ok(encoder.encode(&frame, hint)?))?;
+        times.push(ms);
         late.extend((waits(&scene) > before).then_some(i));
         certain += usize::from(encoded.stats.certain);
         if let Some(whole) = &mut whole {

@@ -2,16 +2,15 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use nvsprior::prior::blocked::BlockedPrior;
-use nvsprior::render::{BlockReader, Plan, Renderer};
+use nvsprior::render::{BlockReader, Plan, Renderer, Scene};
 use nvsprior::{Encoder, EncoderOptions, Engine, Picture, Rate};
 use serde_json::{Value, json};
 
 use super::super::context::host_bytes;
+use super::super::forward::timed;
 use super::super::perturbed::even;
-use super::residency;
 use super::tiled::{CAMERA, STEP, pose};
 use nvsprior_inputs::statistics::median;
 
@@ -56,10 +55,9 @@ pub fn measure(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value
         let along = begin + APART * i as f64;
         let frame = frame(&mut renderer, along)?;
         let hint = (i == 0).then(|| pose(along));
-        let since = Instant::now();
-        let encoded = encoder.encode(&frame, hint)?;
+        let (encoded, ms) = timed(|| Ok(encoder.encode(&frame, hint)?))?;
         if i >= WARM_UP {
-            times.push(since.elapsed().as_secs_f64() * 1e3);
+            times.push(ms);
             psnr += encoded.stats.psnr / FRAMES as f64;
             certain += usize::from(encoded.stats.certain);
             renders += encoded.stats.full_renders;
@@ -82,4 +80,19 @@ pub fn measure(engine: &Engine, path: &Path, limit: u64) -> anyhow::Result<Value
         "full_renders": renders,
         "psnr": psnr,
     }))
+}
+
+/// What a process tells of a scene's blocks.
+pub fn residency(scene: &Scene) -> Value {
+    let Some(residency) = scene.residency() else { return Value::Null };
+    json!({
+        "blocks": residency.blocks,
+        "splats": residency.splats,
+        "room": residency.room,
+        "host_bytes": residency.host_bytes,
+        "changes": residency.changes,
+        "blocks_waited_for": residency.waits,
+        "repeated_searches": residency.repeated,
+        "incomplete_searches": residency.incomplete,
+    })
 }

@@ -10,8 +10,8 @@ use nvsprior_reference::Twin;
 use nvsprior_reference::probe::{Probe, SortPrecision};
 use nvsprior_reference::project::Projected;
 
-use super::sums::{jtr, solved};
-use super::{DAMPING, PriorView, Which};
+use super::sums::{DAMPING, jtr, solved};
+use super::which::{PriorView, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::explained::Explained;
 use crate::stability::measure::{sums, upper};

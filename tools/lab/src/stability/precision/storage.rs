@@ -10,7 +10,7 @@ use nvsprior_reference::probe::{Probe, SortPrecision};
 use nvsprior_reference::project::Projected;
 use nvsprior_reference::splat::{self, Hit, Pixel, blend_rows};
 
-use super::{PriorView, Which};
+use super::which::{PriorView, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::measure::{evaluated, psnr};
 

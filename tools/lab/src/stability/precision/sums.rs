@@ -6,10 +6,13 @@ use nvsprior::render::{Jacobian, NormalEquations, Plan};
 use nvsprior_kernels::shared::{SUMS, TILE};
 use nvsprior_reference::{Sample, Twin};
 
-use super::{DAMPING, PriorView, Which};
+use super::which::{PriorView, Which};
 use crate::stability::case::{Bench, Done, Row, Table};
 use crate::stability::measure::{jtj_error, sums};
 use crate::stability::scenes::Random;
+
+/// As searches begin with.
+pub const DAMPING: f32 = 1e-3;
 
 /// The 28 sums.
 type Sums<T> = [T; SUMS as usize];

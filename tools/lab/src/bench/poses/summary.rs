@@ -1,7 +1,43 @@
-//! What `nvsprior-lab poses` prints.
+//! A run in figures, as `nvsprior-lab poses` writes and prints them.
 
-use super::{Axis, Summary};
 use nvsprior_inputs::report::{Table, fixed};
+use serde::Serialize;
+
+/// An axis over the certain frames.
+#[derive(Serialize)]
+pub struct Axis {
+    pub name: &'static str,
+    /// Medians: the prior's unit, or radians.
+    pub error: f64,
+    pub deviation: f64,
+    /// Shares of the frames whose error is at most so many deviations. An open axis is within any.
+    pub within_2: f64,
+    pub within_4: f64,
+    /// Share of the frames in which the axis is open.
+    pub open: f64,
+}
+
+/// A run in figures.
+#[derive(Serialize)]
+pub struct Summary {
+    pub condition: &'static str,
+    pub frames: usize,
+    pub certain: usize,
+    /// Frames whose packet says that the position is known.
+    pub known: usize,
+    /// Those of them that are off by more than four times what is stated, along or about an axis.
+    pub known_and_wrong: usize,
+    pub axes: Vec<Axis>,
+    /// Medians over the certain frames: the prior's unit, degrees.
+    pub position_error: f64,
+    pub rotation_error_degrees: f64,
+    /// Means over all frames.
+    pub render_psnr: f64,
+    /// At 29, 31 and 33 dB.
+    pub bytes: [f64; 3],
+    /// Share of the frames of which a start ends more than [`super::BELOW`] dB below the best one; null if not compared.
+    pub starts_apart: Option<f64>,
+}
 
 pub fn print(runs: &[Summary]) {
     for run in runs {
