@@ -19,12 +19,12 @@ step() {
 }
 
 step "draw a survey's video" nvsprior-lab draw --video "$out/quay.mp4"
-step "map it" nvsprior map "$out/quay.mp4" --out "$out/quay.ply" --report "$out/map"
+step "map it" nvsprior map "$out/quay.mp4" --out "$out/quay.nvsg" --report "$out/map"
 step "draw a dive's video" nvsprior-lab draw --video "$out/dive.mp4" --later --seconds 12 --fps 2
-step "encode the dive" nvsprior encode --prior "$out/quay.ply" --cameras "$out/quay.ply.colmap" \
+step "encode the dive" nvsprior encode --prior "$out/quay.nvsg" --cameras "$out/quay.nvsg.colmap" \
     --video "$out/dive.mp4" --starts none --psnr 33 --packets "$out/packets" --summary "$out/encode.json" \
     --pictures "$out/vehicle"
-step "decode it" nvsprior decode --prior "$out/quay.ply" --packets "$out/packets" --pictures "$out/topside"
+step "decode it" nvsprior decode --prior "$out/quay.nvsg" --packets "$out/packets" --pictures "$out/topside"
 same=0
 for frame in "$out"/topside/*.png; do
     cmp -s "$frame" "$out/vehicle/$(basename "$frame")" || { echo "$frame differs" >&2; exit 1; }

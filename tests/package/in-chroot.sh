@@ -29,7 +29,7 @@ END
 cp "$dir/scene/frame-0.png" frame.png
 encode() {
     nvsprior encode --prior "$dir/scene/prior.ply" --cameras cameras.json --starts first --packets packets \
-        --frames-out seen
+        --pictures seen
 }
 if encode > log 2>&1; then fail "encodes without a driver"; else code=$?; fi
 [ "$code" = 1 ] && grep -qi 'driver' log || { cat log >&2; fail "does not say that a driver is missing (exit $code)"; }
@@ -48,7 +48,7 @@ if ! encode > log 2>&1; then
 fi
 if [ $device = yes ]; then
     cat log
-    nvsprior decode --prior "$dir/scene/prior.ply" --packets packets --frames topside
+    nvsprior decode --prior "$dir/scene/prior.ply" --packets packets --pictures topside
     cmp seen/*.png topside/*.png || fail "topside and vehicle have other pictures"
 fi
 
@@ -75,7 +75,7 @@ done
 if [ $device = yes ]; then
     mkdir c-packets
     mv from-c.nvsp c-packets/
-    nvsprior decode --prior "$dir/scene/prior.ply" --packets c-packets --frames c-topside
+    nvsprior decode --prior "$dir/scene/prior.ply" --packets c-packets --pictures c-topside
 fi
 
 if [ -n "$other" ]; then

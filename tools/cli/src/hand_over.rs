@@ -9,7 +9,7 @@ const COMMANDS: [&str; 3] = ["bench", "stability", "device-report"];
 #[derive(Debug, thiserror::Error)]
 pub enum HandOverError {
     #[error(
-        "`{command}` is a command of nvsprior-lab, and there is no {}: \
+        "`{command}` is a command of nvsprior-lab, and there is no {}: packages leave it out; in the source tree \
          `cargo build --release --bins` builds both programs",
         program.display()
     )]

@@ -65,8 +65,8 @@ pub struct Args {
     /// Folder for snapshots and recordings; made with the first one
     #[arg(long, value_name = "DIR", default_value = "console-out")]
     keep: PathBuf,
-    /// Also send the picture with its overlay as video, RTP with H.264, as QGroundControl and Cockpit take it on port
-    /// 5600. Takes GStreamer
+    /// Also send the picture with its overlay as video, RTP with H.264. QGroundControl takes it on port 5600, Cockpit
+    /// through mavlink-camera-manager alone. Takes GStreamer
     #[arg(long, value_name = "HOST:PORT", value_parser = endpoint::remote)]
     rtp: Option<SocketAddr>,
     /// Filter the picture by a small network that knows the scene (the prior's weights, which `nvsprior prior filter`

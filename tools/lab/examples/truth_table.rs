@@ -1,7 +1,7 @@
 //! Trains `src/truth/table.rs`: counts how blocks of pictures differ, and prints the chances.
 //!
 //! Usage: truth_table FRAMES,PICTURES,RENDERS…: three folders of PNG files of the same names for each run. PICTURES are
-//! what `nvsprior encode --frames-out` writes at some rate, RENDERS what it writes with `--residual none`.
+//! what `nvsprior encode --pictures` writes at some rate, RENDERS what it writes with `--residual none`.
 
 use std::path::{Path, PathBuf};
 

@@ -35,18 +35,18 @@ const STATED_LENS: f64 = 0.04;
 pub enum Doubtful {
     #[error(
         "the points miss their places by {pixels:.2} pixels of the matched pictures (good poses: 0.3 to 0.8): check \
-         that one lens took all pictures, or give --camera-params"
+         that one lens took all pictures, or give a calibrated one with --camera"
     )]
     Error { pixels: f64 },
     #[error(
         "the lens that came out is no real one ({what}), so the scene is warped: give pictures at full size, or the \
-         calibrated lens with --camera-model and --camera-params"
+         calibrated lens with --camera"
     )]
     Lens { what: String },
     #[error(
         "the pictures fit better with a focal length of {found:.0} pixels, or one farther off, than with the \
-         {stated:.0} that were stated: was the lens calibrated in air, or at another size? Leave --camera-params \
-         out, or calibrate it in the water"
+         {stated:.0} that were stated: was the lens calibrated in air, or at another size? Leave the numbers of \
+         --camera out, or calibrate it in the water"
     )]
     StatedLens { stated: f64, found: f64 },
     #[error(

@@ -8,7 +8,7 @@ use super::schema::{Best, Coding, Report, Size};
 use crate::bench::stages::{FLOW, PICTURE};
 use nvsprior_inputs::report::{Table, between, fixed};
 
-const BEGIN: &str = "<!-- devices: written by `nvsprior device-report --table` -->\n";
+const BEGIN: &str = "<!-- devices: written by `nvsprior-lab device-report --table` -->\n";
 const END: &str = "<!-- devices: end -->\n";
 
 /// Reads reports, and gives the part of the document that is made from them.
