@@ -15,7 +15,7 @@ use nvsprior_train::parts::{Parts, View, points_of_splats};
 
 use super::budget::Budget;
 use super::inputs::{self, Listed};
-use super::report::Found;
+use super::report::RunWorth;
 use super::{Args, Training, forward_seconds, memory, saved};
 use crate::container::Container;
 

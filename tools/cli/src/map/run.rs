@@ -14,7 +14,7 @@ use super::course::Course;
 use super::inputs::MapInputs;
 use super::parts::PartsRun;
 use super::rehearsal::Rehearsal;
-use super::report::{Found, Report};
+use super::report::{Report, RunWorth};
 use super::sides::Sides;
 use super::structure::Search;
 use super::worth::Worth;
@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(folder) = &args.report {
         sides.draw(&engine, &prior, &folder.join("parallax.png"))?;
     }
-    report.finish(&mut mapper, prior.len(), forward, &Found { worth, sides: Some(sides) })?;
+    report.finish(&mut mapper, prior.len(), forward, &RunWorth { worth, sides: Some(sides) })?;
     args.device.check(&engine)
 }
 

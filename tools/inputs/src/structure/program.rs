@@ -100,13 +100,7 @@ impl Program {
             return Ok(());
         }
         let (program, command, log) = (self.name(), arguments[0].clone(), place.log());
-        Err(StructureError::ColmapStep {
-            program,
-            command,
-            ended: Ended(status),
-            last: last.text(),
-            log,
-        })
+        Err(StructureError::Step { program, command, ended: Ended(status), last: last.text(), log })
     }
 
     /// A command without a window.

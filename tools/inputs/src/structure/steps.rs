@@ -54,7 +54,7 @@ const SMALL_MAPPER: [&str; 6] = [
 
 /// A step of the search for poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
+enum ColmapStep {
     /// All pictures are read once, before hours of work.
     Check,
     /// COLMAP's `feature_extractor`.
@@ -65,14 +65,14 @@ enum Step {
     Mapper,
 }
 
-impl Step {
+impl ColmapStep {
     /// What it does.
     fn name(self) -> String {
         match self {
-            Step::Check => "checking pictures",
-            Step::Features => "finding features",
-            Step::Matches => "matching features",
-            Step::Mapper => "finding poses",
+            ColmapStep::Check => "checking pictures",
+            ColmapStep::Features => "finding features",
+            ColmapStep::Matches => "matching features",
+            ColmapStep::Mapper => "finding poses",
         }
         .to_owned()
     }
@@ -277,7 +277,7 @@ impl Workplace {
     /// A mapper fails with exit code 1 if it makes no model: that needs other words.
     fn no_model(&self, program: &Program, error: StructureError) -> Result<(), StructureError> {
         let code = match &error {
-            StructureError::ColmapStep { ended, .. } => ended.code(),
+            StructureError::Step { ended, .. } => ended.code(),
             _ => None,
         };
         let mut made = std::fs::read_dir(self.path.join(SPARSE_PART)).into_iter().flatten();

@@ -6,7 +6,7 @@ use nvsprior::{Camera, EncoderOptions, Engine};
 use nvsprior_basin::DemoFrame;
 use nvsprior_inputs::args::{progress, with_progress};
 
-use super::coding::{self, Found};
+use super::coding::{self, ShotPose};
 use super::measuring::{Measuring, Subject};
 use super::pace::Pace;
 use super::schema::Size;

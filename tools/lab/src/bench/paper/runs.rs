@@ -5,7 +5,7 @@ use nvsprior_paper::{Optimizer, POSE_LEN};
 
 use super::estimator::Estimates;
 use crate::bench::codecs::run::{Beside, Run};
-use crate::bench::codecs::{Found, affine, found, found_by};
+use crate::bench::codecs::{FoundPoses, affine, found, found_by};
 use crate::bench::context::Context;
 
 /// Length of a pose in the paper: seven numbers as f32.
@@ -31,7 +31,7 @@ impl Runs {
     ) -> anyhow::Result<Runs> {
         let frames: Vec<_> = context.shots.iter().map(|shot| shot.picture.clone()).collect();
         let mut papers = context.papers(Optimizer::Bfgs)?;
-        let Found { poses, renders, psnr, ms } = found_by(context, &mut papers)?;
+        let FoundPoses { poses, renders, psnr, ms } = found_by(context, &mut papers)?;
         let decode_ms = render_ms(context, &poses)?;
         let beside = Beside { bytes: POSE_BYTES, encode_ms: ms, decode_ms };
         let grey = frames.clone();
