@@ -1,9 +1,9 @@
 //! `nvsprior-lab recovery`: how a lost camera is found again, and whether the encoder knows that it
 //! is lost.
 //!
-//! *Found*: the prior's render at the encoder's pose is at most [`super::perturbed::SHORT`] dB below that at the best known pose, both
-//! against the clean frame, and the two poses are near each other. *Wrong*: more than [`probe::WRONG`] dB below it, or far
-//! from the best known pose. *False certain*: wrong, and the encoder is certain of it.
+//! *Found*: the prior's render at the encoder's pose is at most [`SHORT`](super::perturbed::SHORT) dB below that at the
+//! best known pose, both against the clean frame, and the two poses are near each other. *Wrong*: more than
+//! [`probe::WRONG`] dB below it, or far from the best known pose. *False certain*: wrong, and the encoder is certain.
 
 mod capture;
 mod chart;

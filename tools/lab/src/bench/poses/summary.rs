@@ -35,7 +35,7 @@ pub struct Summary {
     pub render_psnr: f64,
     /// At 29, 31 and 33 dB.
     pub bytes: [f64; 3],
-    /// Share of the frames of which a start ends more than [`super::BELOW`] dB below the best one; null if not compared.
+    /// Share of the frames of which a start ends more than [`super::BELOW`] dB below the best; null if not compared.
     pub starts_apart: Option<f64>,
 }
 
