@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 use super::container::refusal;
-use nvsprior::prior::PriorError;
+use nvsprior::prior::{Field, FieldUse, PriorError, PriorWarning, passed_over};
 
 /// The extension.
 pub const SPLATS: &str = "KHR_gaussian_splatting";
@@ -86,7 +86,32 @@ pub struct SplatExtension {
     projection: String,
     #[serde(default)]
     extensions: BTreeMap<String, serde::de::IgnoredAny>,
+    #[serde(default, alias = "antialias")]
+    antialiased: bool,
+    #[serde(flatten)]
+    others: BTreeMap<String, serde::de::IgnoredAny>,
 }
+
+/// What is done with the members of the extension.
+pub const FIELDS: [Field; 6] = [
+    ("kernel", FieldUse::Read),
+    ("colorSpace", FieldUse::Read),
+    ("projection", FieldUse::Read),
+    ("sortingMethod", FieldUse::Harmless),
+    ("antialiased", FieldUse::Read),
+    ("extensions", FieldUse::Refused),
+];
+
+/// What is done with the attributes of a primitive.
+pub const ATTRIBUTES: [Field; 6] = [
+    ("POSITION", FieldUse::Read),
+    ("KHR_gaussian_splatting:ROTATION", FieldUse::Read),
+    ("KHR_gaussian_splatting:SCALE", FieldUse::Read),
+    ("KHR_gaussian_splatting:OPACITY", FieldUse::Read),
+    ("KHR_gaussian_splatting:SH_DEGREE_*", FieldUse::Read),
+    // What a viewer without the extension draws: points of this colour.
+    ("COLOR_0", FieldUse::Harmless),
+];
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -143,6 +168,20 @@ impl Primitive {
             self.attributes.keys().any(|name| name.starts_with(&prefix))
         };
         (1..=3).filter(has).max().unwrap_or(0)
+    }
+
+    pub fn is_antialiased(&self) -> bool {
+        self.extensions.splats.as_ref().is_some_and(|splats| splats.antialiased)
+    }
+
+    /// Warnings of what is left out.
+    pub fn warnings(&self) -> Vec<PriorWarning> {
+        let names = self.attributes.keys().map(String::as_str);
+        let mut warnings = passed_over("glTF attribute", names, &ATTRIBUTES);
+        let splats = self.extensions.splats.iter();
+        let others = splats.flat_map(|splats| splats.others.keys().map(String::as_str));
+        warnings.extend(passed_over("glTF member", others, &FIELDS));
+        warnings
     }
 
     /// How many splats its positions say that it has.
