@@ -1,11 +1,11 @@
 //! PLY files as Inria's trainer and nerfstudio write them.
 //!
-//! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics),
-//! `opacity` (logit), `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either
-//! byte order, any order of properties, any scalar type. In place of `f_dc_0..2` there may be `red green blue`, without
-//! `scale_2` splats are flat, and `filter_3D` of Mip-Splatting is merged into scales and opacity. Other properties and
-//! elements are left out, with a warning if [`ply_layout::FIELDS`](FIELDS) does not name them. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0 to 3.
-//! They run channel by channel in the file (all of red first), coefficient by coefficient in
+//! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics), `opacity` (logit),
+//! `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either byte order, any order of properties,
+//! any scalar type. In place of `f_dc_0..2` there may be `red green blue`, without `scale_2` splats are flat, and
+//! `filter_3D` of Mip-Splatting is merged into scales and opacity. Other properties and elements are left out, with a
+//! warning if [`FIELDS`] does not name them. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for
+//! degree 0 to 3. They run channel by channel in the file (all of red first), coefficient by coefficient in
 //! [`Splats::sh`].
 //!
 //! **Render options** come from the header's comments, since the format has no place for them:

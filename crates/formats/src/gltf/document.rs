@@ -80,7 +80,9 @@ pub struct Extensions {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct SplatExtension {
-    kernel: String,
+    /// Files of the draft have none.
+    kernel: Option<String>,
+    #[serde(default)]
     color_space: String,
     #[serde(default = "perspective")]
     projection: String,
@@ -198,8 +200,13 @@ impl SplatExtension {
                 "splats by {name}, which is not read here: save them without it"
             )));
         }
+        let Some(kernel) = &self.kernel else {
+            return Err(refusal(format!(
+                "no kernel: a file of a draft of {SPLATS}, with _ROTATION, _SCALE and COLOR_0; convert it anew"
+            )));
+        };
         for (what, found, known) in [
-            ("kernel", &self.kernel, "ellipse"),
+            ("kernel", kernel, "ellipse"),
             ("projection", &self.projection, "perspective"),
             ("colorSpace", &self.color_space, "srgb_rec709_display"),
         ] {

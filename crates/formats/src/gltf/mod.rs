@@ -10,8 +10,8 @@
 //! Refused are other kernels, projections and colours, compression (SPZ within glTF is not settled), sparse accessors,
 //! files beside the file, and nodes that scale their axes differently. The sorting method is ignored: splats are always
 //! sorted by depth. Render options are [`RenderOptions::INRIA`], anti-aliased if the extension says so. Scales of which
-//! one is below 0 are read as logarithms, opacities of which one is not from 0 to 1 as logits, as files of the draft have
-//! them, with a warning. Attributes and members of the extension that are not known are left out, with a warning.
+//! one is below 0 are read as logarithms, opacities of which one is not from 0 to 1 as logits, as files of the draft
+//! have them, with a warning. Attributes and members of the extension that are not known are left out, with a warning.
 
 mod accessor;
 mod container;

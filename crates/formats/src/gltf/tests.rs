@@ -249,3 +249,10 @@ fn what_no_list_names_is_told() {
         json!(true);
     assert!(read(&glb(&document, &data)).unwrap().options.antialiased);
 }
+
+#[test]
+fn a_file_of_the_draft_is_named() {
+    let (mut document, data) = plain();
+    document["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"] = json!({});
+    assert!(reason(&document, &data).contains("a draft of KHR_gaussian_splatting"));
+}
