@@ -16,7 +16,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 CODE = (".rs", ".py", ".c", ".cpp", ".h", ".js", ".sh")
-LIMITS = {"lines of the engine": 40_000, "pages": 25, "words": 45_000}
+LIMITS = {"lines of the engine": 41_000, "pages": 25, "words": 45_000}
 
 
 def lines_of(name):

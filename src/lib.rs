@@ -70,7 +70,9 @@ mod range_coder;
 pub mod parts {
     #[cfg(feature = "encode")]
     pub use crate::frame_work::{Coder, FrameWork};
-    pub use crate::prior::ply_header::{Comments, check_length, read_header, rest_properties};
+    pub use crate::prior::ply_header::{
+        Comments, check_length, clean, read_header, rest_properties,
+    };
     pub use crate::queue::{Body, Interrupt, Lost, Queue, Spawn, Worker};
     pub use crate::render::binning;
     pub use crate::render::frame::Bytes;

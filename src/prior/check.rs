@@ -29,6 +29,16 @@ pub(super) fn clamp_logits(splats: &mut Splats) -> usize {
     infinite.map(|logit| *logit = INFINITE_LOGIT.copysign(*logit)).count()
 }
 
+/// Replaces scales of zero, whose logarithms are −∞, by the least ones. Returns how many splats are flat.
+pub(super) fn flatten(splats: &mut Splats) -> usize {
+    let mut flat = 0;
+    for scales in &mut splats.log_scales {
+        scales.iter_mut().filter(|s| **s == f32::NEG_INFINITY).for_each(|s| *s = -MAX_LOG_SCALE);
+        flat += usize::from(scales.contains(&-MAX_LOG_SCALE));
+    }
+    flat
+}
+
 /// Drops invalid splats from `splats`, whose arrays must agree. Returns which, ordered by first index.
 pub(super) fn drop_invalid(splats: &mut Splats) -> Vec<Dropped> {
     let faults: Vec<Option<Fault>> = (0..splats.len()).map(|i| fault_of(splats, i)).collect();

@@ -2,6 +2,7 @@
 
 use super::blocked::Block;
 use super::container::Format;
+use super::ply_header::header_of;
 use super::{Splats, ply};
 
 /// What a file of a prior claims, not yet checked: only reading it shows whether it is true.
@@ -18,9 +19,6 @@ pub struct PriorClaims {
     compact: bool,
 }
 
-/// The word that ends the header of a PLY file.
-const END: &[u8] = b"end_header";
-
 impl PriorClaims {
     /// Reads the claims of a PLY file, a compact prior or a blocked one; `None` for any other content.
     pub fn of(bytes: &[u8]) -> Option<PriorClaims> {
@@ -35,7 +33,7 @@ impl PriorClaims {
             let count = u32::from_le_bytes(*bytes.get(12..)?.first_chunk()?);
             // Every part but the splats may be as long as the file.
             (u64::from(count), degree, size, true)
-        } else if bytes.starts_with(ply::MAGIC) {
+        } else if bytes.starts_with(ply::MAGIC) || bytes.starts_with(ply::MARKED_MAGIC) {
             let header = header_of(bytes);
             (ply_splats(header)?, ply_degree(header), header.len() as u64, false)
         } else {
@@ -73,12 +71,6 @@ impl PriorClaims {
     pub fn device_bytes(&self) -> u64 {
         self.splats * super::analysis::splat_bytes(self.sh_degree)
     }
-}
-
-/// The header of a PLY file, or all of it if no header ends.
-fn header_of(bytes: &[u8]) -> &[u8] {
-    let end = bytes.windows(END.len()).position(|window| window == END);
-    &bytes[..end.map_or(bytes.len(), |at| at + END.len())]
 }
 
 fn lines(header: &[u8]) -> impl Iterator<Item = impl Iterator<Item = &[u8]>> {

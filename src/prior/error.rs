@@ -20,6 +20,10 @@ pub enum PriorError {
     NoVertices,
     #[error("property \"{property}\" is missing: no scene as Inria or nerfstudio write it")]
     MissingProperty { property: String },
+    #[error(
+        "a point cloud: it has positions, but no opacity, scale and rotation of splats; train one with `nvsprior map`"
+    )]
+    PointCloud,
     #[error("property \"{property}\" must be one number per splat")]
     BadProperty { property: String },
     #[error("{found} properties f_rest_*: spherical harmonics need 0, 9, 24 or 45")]

@@ -13,6 +13,7 @@ type Reader = fn(&[u8]) -> Result<PriorFile, PriorError>;
 /// How files of each format start, and what reads them.
 const FORMATS: &[(&[u8], Reader)] = &[
     (ply::MAGIC, ply::read_ply),
+    (ply::MARKED_MAGIC, ply::read_ply),
     (compact::MAGIC, compact::read),
     (&blocked::MAGIC, blocked::read),
 ];

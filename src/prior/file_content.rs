@@ -5,6 +5,7 @@ use super::extras::Extras;
 use super::options::RenderOptions;
 use super::report::PriorFormat;
 use super::splats::Splats;
+use super::warning::PriorWarning;
 use crate::coder_tables::Tables;
 
 /// What a file holds: splats as they stand there, not yet checked.
@@ -14,6 +15,9 @@ pub struct PriorFile {
     pub splats: Splats,
     /// Render options by the file, or those usual for its format.
     pub options: RenderOptions,
+    /// Neither the file nor its format states the near plane: it follows from the scene's size, at most
+    /// [`RenderOptions::near`].
+    pub near_by_size: bool,
     /// Which format.
     pub format: PriorFormat,
     /// Comments in its header, without those that are key frames.
@@ -24,6 +28,8 @@ pub struct PriorFile {
     pub frame: Option<CoordinateFrame>,
     /// What else is in it.
     pub extras: Extras,
+    /// What its user should know.
+    pub warnings: Vec<PriorWarning>,
 }
 
 impl PriorFile {
@@ -32,11 +38,13 @@ impl PriorFile {
         PriorFile {
             splats,
             options,
+            near_by_size: false,
             format,
             comments: Vec::new(),
             coder_tables: None,
             frame: None,
             extras: Extras::default(),
+            warnings: Vec::new(),
         }
     }
 }

@@ -1,17 +1,20 @@
 //! PLY files as Inria's trainer and nerfstudio write them.
 //!
-//! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics),
-//! `opacity` (logit), `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either
-//! byte order, any order of properties, any scalar type; other properties (`nx`…) and elements are
-//! ignored. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for degree 0 to 3.
-//! They run channel by channel in the file (all of red first), coefficient by coefficient in
+//! Element `vertex`, one row per splat: `x y z`, `f_dc_0..2` and `f_rest_*` (spherical harmonics), `opacity` (logit),
+//! `scale_0..2` (logarithms), `rot_0..3` (w, x, y, z). Text or binary of either byte order, any order of properties,
+//! any scalar type. In place of `f_dc_0..2` there may be `red green blue`, without `scale_2` splats are flat, and
+//! `filter_3D` of Mip-Splatting is merged into scales and opacity. Other properties and elements are left out, with a
+//! warning if [`FIELDS`] does not name them. The number of `f_rest_*` gives the degree: 0, 9, 24 or 45 of them for
+//! degree 0 to 3. They run channel by channel in the file (all of red first), coefficient by coefficient in
 //! [`Splats::sh`].
 //!
 //! **Render options** come from the header's comments, since the format has no place for them:
 //!
 //! 1. a comment that contains "nerfstudio" (any case) means [`RenderOptions::GSPLAT`], none means
 //!    [`RenderOptions::INRIA`];
-//! 2. comments `nvsprior near 0.2`, `nvsprior alpha_max 0.99`, `nvsprior antialiased 0` (or 1) and
+//!    If no comment states the near plane otherwise, it is smaller for a small scene;
+//! 2. a comment `SplatRenderMode: mip` or `antialiased 1` means anti-aliased;
+//! 3. comments `nvsprior near 0.2`, `nvsprior alpha_max 0.99`, `nvsprior antialiased 0` (or 1) and
 //!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options.
 //!
 //! **Key frames** are comments too, one key frame per comment: `nvsprior key_frame qw qx qy qz tx
@@ -22,46 +25,35 @@
 use std::io::{BufRead, Cursor, Read, Write};
 
 use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
-use serde_ply::{ElementDef, PlyFormat, PlyHeader, PlyReader, PropertyType};
+use serde_ply::{PlyFormat, PlyReader};
 
 use super::key_frames::words;
-use super::limits::MAX_SPLATS;
 use super::ply_header::{
-    CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length,
+    CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length, clean,
     read_header, rest_properties,
 };
+use super::ply_layout::{Layout, REST};
 use super::ply_row::PlyRow;
 use super::{KeyFrames, PriorError, PriorFile, PriorFormat, RenderOptions, Splats};
 use crate::Pose;
 use crate::image::{Preprocessing, WhiteBalance};
 
+pub use super::ply_layout::FIELDS;
+
 /// How a PLY file starts.
 pub const MAGIC: &[u8] = b"ply";
 
-/// Properties that are read, in the order in which [`SplatSink::push`] wants their values.
-#[rustfmt::skip]
-const PROPERTIES: [&str; 59] = [
-    "x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity",
-    "f_dc_0", "f_dc_1", "f_dc_2",
-    "f_rest_0", "f_rest_1", "f_rest_2", "f_rest_3", "f_rest_4", "f_rest_5", "f_rest_6", "f_rest_7",
-    "f_rest_8", "f_rest_9", "f_rest_10", "f_rest_11", "f_rest_12", "f_rest_13", "f_rest_14",
-    "f_rest_15", "f_rest_16", "f_rest_17", "f_rest_18", "f_rest_19", "f_rest_20", "f_rest_21",
-    "f_rest_22", "f_rest_23", "f_rest_24", "f_rest_25", "f_rest_26", "f_rest_27", "f_rest_28",
-    "f_rest_29", "f_rest_30", "f_rest_31", "f_rest_32", "f_rest_33", "f_rest_34", "f_rest_35",
-    "f_rest_36", "f_rest_37", "f_rest_38", "f_rest_39", "f_rest_40", "f_rest_41", "f_rest_42",
-    "f_rest_43", "f_rest_44",
-];
-
-/// How many of [`PROPERTIES`] a file of degree 0 has; `f_rest_*` follow them.
-const BASE_PROPERTIES: usize = 14;
+/// How one starts that an editor has marked as UTF-8.
+pub const MARKED_MAGIC: &[u8] = b"\xef\xbb\xbfp";
 
 /// Reads the content of a PLY file. Memory depends on the content's size, whatever the header says.
 pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    let bytes = &clean(bytes)[..];
     if !bytes.starts_with(MAGIC) {
         return Err(PriorError::UnknownFormat);
     }
     let (header, body) = read_header(bytes)?;
-    let layout = Layout::of(&header)?;
+    let mut layout = Layout::of(&header)?;
     check_length(&header, layout.element, body, bytes.len())?;
     let comments = Comments::of(header.comments)?;
     let splats = read_splats(bytes, header.format, &layout)?;
@@ -70,63 +62,16 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
-    Ok(comments.file(splats, format))
-}
-
-/// Where the splats lie in a file.
-struct Layout {
-    /// Index of the element `vertex`.
-    element: usize,
-    count: usize,
-    /// Degree of the spherical harmonics.
-    sh_degree: u32,
-}
-
-impl Layout {
-    fn of(header: &PlyHeader) -> Result<Layout, PriorError> {
-        let element = header
-            .elem_defs
-            .iter()
-            .position(|e| e.name == "vertex")
-            .ok_or(PriorError::NoVertices)?;
-        let vertex = &header.elem_defs[element];
-        if vertex.count == 0 {
-            return Err(PriorError::Empty);
-        }
-        if vertex.count > MAX_SPLATS {
-            return Err(PriorError::TooMany { count: vertex.count });
-        }
-        let found = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
-        let sh_degree = (0..=Splats::MAX_SH_DEGREE)
-            .find(|degree| rest_properties(*degree) == found)
-            .ok_or(PriorError::ShProperties { found })?;
-        for name in &PROPERTIES[..BASE_PROPERTIES + found] {
-            check_property(vertex, name)?;
-        }
-        Ok(Layout { element, count: vertex.count, sh_degree })
-    }
-
-    fn properties(&self) -> &'static [&'static str] {
-        &PROPERTIES[..BASE_PROPERTIES + rest_properties(self.sh_degree)]
-    }
-}
-
-fn check_property(vertex: &ElementDef, name: &str) -> Result<(), PriorError> {
-    let mut named = vertex.properties.iter().filter(|p| p.name == name);
-    match (named.next(), named.next()) {
-        (None, _) => Err(PriorError::MissingProperty { property: name.to_owned() }),
-        (Some(property), None) if matches!(property.property_type, PropertyType::Scalar(_)) => {
-            Ok(())
-        }
-        _ => Err(PriorError::BadProperty { property: name.to_owned() }),
-    }
+    let warnings = std::mem::take(&mut layout.warnings);
+    Ok(PriorFile { warnings, ..comments.file(splats, format) })
 }
 
 fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splats, PriorError> {
     let mut cursor = Cursor::new(bytes);
     // The reader needs white space after every number of a text, also after the last one.
     let tail: &[u8] = if format == PlyFormat::Ascii { b"\n" } else { b"" };
-    let mut sink = SplatSink::new(layout);
+    let splats = Splats::with_capacity(layout.count, layout.sh_degree);
+    let mut sink = SplatSink { splats, layout };
     let mut reader = PlyReader::from_reader((&mut cursor).chain(tail))
         .map_err(|e| PriorError::Header { reason: e.0.to_string() })?;
     let read = read_elements(&mut reader, layout, &mut sink);
@@ -191,33 +136,12 @@ impl<'de> DeserializeSeed<'de> for SkipRow {
 }
 
 /// Collects splats row by row.
-struct SplatSink {
+struct SplatSink<'a> {
     splats: Splats,
-    properties: &'static [&'static str],
+    layout: &'a Layout,
 }
 
-impl SplatSink {
-    fn new(layout: &Layout) -> SplatSink {
-        let splats = Splats::with_capacity(layout.count, layout.sh_degree);
-        SplatSink { splats, properties: layout.properties() }
-    }
-
-    /// Appends a splat given by the values of [`PROPERTIES`], as many as the degree has.
-    fn push(&mut self, v: &[f32; PROPERTIES.len()]) {
-        self.splats.positions.push([v[0], v[1], v[2]]);
-        self.splats.log_scales.push([v[3], v[4], v[5]]);
-        self.splats.rotations.push([v[6], v[7], v[8], v[9]]);
-        self.splats.opacity_logits.push(v[10]);
-        self.splats.sh.extend(&v[11..BASE_PROPERTIES]);
-        let per_channel = (self.properties.len() - BASE_PROPERTIES) / 3;
-        let rest = &v[BASE_PROPERTIES..self.properties.len()];
-        for coefficient in 0..per_channel {
-            self.splats.sh.extend([0, 1, 2].map(|c| rest[c * per_channel + coefficient]));
-        }
-    }
-}
-
-impl<'de> DeserializeSeed<'de> for &mut SplatSink {
+impl<'de> DeserializeSeed<'de> for &mut SplatSink<'_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
@@ -225,7 +149,7 @@ impl<'de> DeserializeSeed<'de> for &mut SplatSink {
     }
 }
 
-impl<'de> Visitor<'de> for &mut SplatSink {
+impl<'de> Visitor<'de> for &mut SplatSink<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
@@ -234,8 +158,8 @@ impl<'de> Visitor<'de> for &mut SplatSink {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut rows: A) -> Result<(), A::Error> {
         // A value that does not fit an f32 becomes infinite, and the check that follows drops its splat.
-        while let Some(values) = rows.next_element_seed(PlyRow::new(self.properties))? {
-            self.push(&values);
+        while let Some(values) = rows.next_element_seed(PlyRow::new(self.layout.properties()))? {
+            self.layout.push(&mut self.splats, &values);
         }
         Ok(())
     }
@@ -307,7 +231,7 @@ fn header_text(
         .chain(key_frames)
         .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))
         .collect();
-    let rest = &PROPERTIES[BASE_PROPERTIES..BASE_PROPERTIES + rest_properties(splats.sh_degree)];
+    let rest = &REST[..rest_properties(splats.sh_degree)];
     let properties: String = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
         .iter()
         .chain(rest)

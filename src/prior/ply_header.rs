@@ -1,6 +1,7 @@
 //! What PLY files of splats have in common: header, lengths, comments with render options, preprocessing and key
 //! frames.
 
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::str::FromStr;
 
@@ -20,6 +21,30 @@ pub const KEY_FRAME: &str = "key_frame";
 pub const WHITE_BALANCE: &str = "white_balance";
 pub const GRAY_WORLD: &str = "gray_world";
 pub const CLAHE: &str = "clahe";
+
+/// A byte order mark, with which some editors begin a text.
+const MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// The word that ends the header.
+const END: &[u8] = b"end_header";
+
+/// The file without a byte order mark; bytes of the header that are no UTF-8, as of comments in Latin-1, become `?`.
+pub fn clean(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let bytes = bytes.strip_prefix(MARK).unwrap_or(bytes);
+    let end = header_of(bytes).len();
+    if std::str::from_utf8(&bytes[..end]).is_ok() {
+        return Cow::Borrowed(bytes);
+    }
+    let mut cleaned = bytes.to_vec();
+    cleaned[..end].iter_mut().filter(|byte| !byte.is_ascii()).for_each(|byte| *byte = b'?');
+    Cow::Owned(cleaned)
+}
+
+/// The header of a PLY file, or all of it if no header ends.
+pub fn header_of(bytes: &[u8]) -> &[u8] {
+    let end = bytes.windows(END.len()).position(|window| window == END);
+    &bytes[..end.map_or(bytes.len(), |at| at + END.len())]
+}
 
 /// The header, and how many bytes it takes.
 pub fn read_header(bytes: &[u8]) -> Result<(PlyHeader, usize), PriorError> {
@@ -77,6 +102,8 @@ fn min_row_bytes(element: &ElementDef, format: PlyFormat) -> u128 {
 /// What a header's comments say.
 pub struct Comments {
     pub options: RenderOptions,
+    /// None states the near plane.
+    pub near_by_size: bool,
     pub preprocessing: Preprocessing,
     pub key_frames: KeyFrames,
     /// Those that are no key frames.
@@ -87,10 +114,15 @@ impl Comments {
     pub fn of(comments: Vec<String>) -> Result<Comments, PriorError> {
         let gsplat = comments.iter().any(|c| c.to_ascii_lowercase().contains("nerfstudio"));
         let mut options = if gsplat { RenderOptions::GSPLAT } else { RenderOptions::INRIA };
+        options.antialiased = comments.iter().any(|comment| states_mip(comment));
+        let mut near_by_size = !gsplat;
         let mut preprocessing = Preprocessing::NONE;
         let (mut poses, mut others) = (Vec::new(), Vec::new());
         for comment in comments {
             let words: Vec<&str> = comment.split_whitespace().collect();
+            if let ["nvsprior", "near", _] = words.as_slice() {
+                near_by_size = false;
+            }
             let understood = match words.as_slice() {
                 [COMMENT_PREFIX, KEY_FRAME, rest @ ..] => match pose_from_words(rest) {
                     Ok(pose) => {
@@ -108,14 +140,27 @@ impl Comments {
                 None => return Err(PriorError::Comment { comment }),
             }
         }
-        Ok(Comments { options, preprocessing, key_frames: KeyFrames::new(poses)?, others })
+        let key_frames = KeyFrames::new(poses)?;
+        Ok(Comments { options, near_by_size, preprocessing, key_frames, others })
     }
 
     /// The file of these comments and splats.
     pub fn file(self, splats: Splats, format: PriorFormat) -> PriorFile {
-        let Comments { options, preprocessing, key_frames, others: comments } = self;
+        let Comments { options, near_by_size, preprocessing, key_frames, others: comments } = self;
         let extras = Extras { key_frames, preprocessing, ..Extras::default() };
-        PriorFile { comments, extras, ..PriorFile::new(splats, options, format) }
+        PriorFile { comments, extras, near_by_size, ..PriorFile::new(splats, options, format) }
+    }
+}
+
+/// Whether a comment of another program says that the scene was trained anti-aliased: `SplatRenderMode: mip` of Brush,
+/// gsplat, nerfstudio and splat-transform, `antialiased 1` of Postshot.
+fn states_mip(comment: &str) -> bool {
+    let comment = comment.to_ascii_lowercase();
+    let mut words = comment.split([' ', '\t', ':', '=']).filter(|word| !word.is_empty());
+    match (words.next(), words.next(), words.next()) {
+        (Some("splatrendermode"), Some(mode), None) => matches!(mode, "mip" | "antialiased"),
+        (Some("antialiased"), Some(value), None) => matches!(value, "1" | "true"),
+        _ => false,
     }
 }
 

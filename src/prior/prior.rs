@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::besides::Besides;
-use super::check::{clamp_logits, drop_invalid};
+use super::check::{clamp_logits, drop_invalid, flatten};
 use super::coordinate_frame::CoordinateFrame;
 use super::error::PriorError;
 use super::extras::Extras;
@@ -15,9 +15,12 @@ use super::id::PriorId;
 use super::identity::identity_of;
 use super::key_frames::KeyFrames;
 use super::limits::MAX_SPLATS;
+use super::near_plane::near_plane;
 use super::options::{RenderOptions, RenderOverrides};
+use super::plausible;
 use super::report::{LoadReport, PriorFormat};
 use super::splats::Splats;
+use super::warning::PriorWarning;
 use crate::coder_tables::Tables;
 use crate::filter_weights::FilterWeights;
 use crate::image::Preprocessing;
@@ -100,7 +103,9 @@ impl Prior {
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
         let options = overrides.over(content.options);
-        Prior::build(PriorFile { options, ..content }).map_err(|error| error.in_file(name))
+        let near_by_size = content.near_by_size && overrides.near.is_none();
+        Prior::build(PriorFile { options, near_by_size, ..content })
+            .map_err(|error| error.in_file(name))
     }
 
     /// Makes a prior of splats in memory. Invalid splats are dropped and counted, as from a file.
@@ -109,7 +114,8 @@ impl Prior {
     }
 
     fn build(file: PriorFile) -> Result<Prior, PriorError> {
-        let PriorFile { mut splats, options, format, comments, coder_tables, extras, .. } = file;
+        let PriorFile { mut splats, mut options, format, comments, coder_tables, extras, .. } =
+            file;
         options.check()?;
         splats.check_shape()?;
         let read = splats.len();
@@ -120,6 +126,9 @@ impl Prior {
             return Err(PriorError::TooMany { count: read });
         }
         let clamped_logits = clamp_logits(&mut splats);
+        let mut warnings = file.warnings;
+        warnings
+            .extend(Some(flatten(&mut splats)).filter(|flat| *flat > 0).map(PriorWarning::Flat));
         let dropped = drop_invalid(&mut splats);
         if let (true, Some(first)) = (splats.is_empty(), dropped.first()) {
             return Err(PriorError::AllDropped { read, fault: first.fault });
@@ -127,15 +136,22 @@ impl Prior {
         let kept = splats.len();
         extras.check(kept)?;
         let stated_frame = file.frame;
+        let frame = stated_frame.unwrap_or_else(|| CoordinateFrame::of(&splats.positions));
+        if file.near_by_size {
+            options.near = near_plane(options.near, frame.spread);
+        }
+        if !format.is_own() {
+            warnings.extend(plausible::warnings(&splats, &frame));
+        }
         Ok(Prior {
             id: identity_of(&splats, &options, stated_frame.as_ref(), coder_tables.as_ref()),
-            frame: stated_frame.unwrap_or_else(|| CoordinateFrame::of(&splats.positions)),
+            frame,
             splats,
             options,
             stated_frame,
             coder_tables: coder_tables.map(Arc::new),
             extras,
-            report: LoadReport { format, read, kept, dropped, clamped_logits, comments },
+            report: LoadReport { format, read, kept, dropped, clamped_logits, warnings, comments },
         })
     }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::check::Dropped;
+use super::warning::PriorWarning;
 
 /// Where a prior's splats came from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +61,16 @@ pub struct LoadReport {
     pub dropped: Vec<Dropped>,
     /// Splats whose opacity logit was infinite, and became ±[`INFINITE_LOGIT`](super::INFINITE_LOGIT).
     pub clamped_logits: usize,
+    /// What was left out or understood in another way than the file may mean it.
+    pub warnings: Vec<PriorWarning>,
     /// Comments in the file's header, unchanged, without those that are key frames.
     pub comments: Vec<String>,
+}
+
+impl LoadReport {
+    /// What a user should be told: splats that were dropped, and warnings.
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        let dropped = self.dropped.iter().map(Dropped::to_string);
+        dropped.chain(self.warnings.iter().map(PriorWarning::to_string))
+    }
 }

@@ -402,8 +402,8 @@ fn overrides(options: &nvsp_prior_options) -> Result<RenderOverrides, Failure> {
 
 fn log_load(handle: &Handle<EngineContent>, prior: &Prior) {
     let log = handle.log();
-    for dropped in &prior.report().dropped {
-        log.write(NVSP_LOG_WARNING, &format!("prior: {dropped}"));
+    for note in prior.report().notes() {
+        log.write(NVSP_LOG_WARNING, &format!("prior: {note}"));
     }
     let (splats, key_frames) = (prior.len(), prior.key_frames().len());
     let text = format!("prior {} of {splats} splats, {key_frames} key frames", prior.id());

@@ -11,7 +11,7 @@
 use serde_ply::{ElementDef, PlyFormat, PlyHeader, PropertyType, ScalarType};
 
 use nvsprior::Prior;
-use nvsprior::parts::{Comments, check_length, read_header, rest_properties};
+use nvsprior::parts::{Comments, check_length, clean, read_header, rest_properties};
 use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats, ply};
 
 const CHUNK: usize = 256;
@@ -36,8 +36,9 @@ const FORMAT: PriorFormat = PriorFormat::Foreign("PLY, compressed", None);
 
 /// Reads a file; `None` if it is none of these, or its header is none that can be read.
 pub fn read(bytes: &[u8]) -> Option<Result<PriorFile, PriorError>> {
-    let (header, body) =
-        bytes.starts_with(ply::MAGIC).then(|| read_header(bytes).ok()).flatten()?;
+    let starts = [ply::MAGIC, ply::MARKED_MAGIC].iter().any(|magic| bytes.starts_with(magic));
+    let bytes = &starts.then(|| clean(bytes))?[..];
+    let (header, body) = read_header(bytes).ok()?;
     is_packed(&header).then(|| read_packed(bytes, header, body))
 }
 

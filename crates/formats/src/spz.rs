@@ -6,15 +6,18 @@
 //! 32 bytes, a table of sizes, and a Zstandard frame for each stream.
 //!
 //! SPZ has y up and z backwards, Inria's PLY files have y down and z forwards: both axes are flipped here, with
-//! rotations and spherical harmonics. Render options are [`RenderOptions::INRIA`], anti-aliased if the file says so.
-//! Extensions are ignored; the report's comments say if there are any.
+//! rotations and spherical harmonics; other axes, if the extension `SPZ_ADOBE_coordinate_system` states them. Other
+//! extensions and flags are left out, with a warning. Render options are [`RenderOptions::INRIA`], anti-aliased if the
+//! file says so.
 
 use std::io::Read;
 
 use flate2::read::GzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
+use nvsprior::prior::{
+    Field, FieldUse, PriorError, PriorFile, PriorFormat, PriorWarning, Splats, passed_over,
+};
 use nvsprior::{Prior, RenderOptions};
 
 /// How SPZ files start: as gzip up to version 3, with the format's own mark in version 4.
@@ -33,31 +36,37 @@ const ENTRY: usize = 16;
 /// Size of a step of colours, in units of the constant coefficient.
 const COLOUR_SCALE: f64 = 0.15;
 
-/// Which spherical harmonics change their sign if y and z do. The constant one does not.
-#[rustfmt::skip]
-const SH_SIGNS: [f32; 15] = [
-    -1.0, -1.0, 1.0,
-    -1.0, 1.0, 1.0, -1.0, 1.0,
-    -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
+/// Flags: trained anti-aliased, and extensions follow.
+const ANTIALIASED: u8 = 1;
+const EXTENSIONS: u8 = 2;
+
+/// The extension that states the axes of a file's values.
+const COORDINATES: u32 = 0xadbe_0001;
+
+/// What is done with the extensions, by their types.
+pub const FIELDS: [Field; 2] = [
+    ("adbe0001", FieldUse::Read),     // SPZ_ADOBE_coordinate_system
+    ("adbe0002", FieldUse::Harmless), // SPZ_ADOBE_safe_orbit_camera
 ];
+
+/// Most bytes of extensions that are read.
+const MAX_EXTENSIONS: u64 = 1 << 20;
 
 /// Reads an SPZ file. Memory grows with what its streams hold: at most 1032 times the content's size.
 pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     if !MAGICS.iter().any(|magic| bytes.starts_with(magic)) {
         return Err(PriorError::UnknownFormat);
     }
-    let (header, streams) = match bytes.starts_with(MAGICS[0]) {
+    let (header, streams, records) = match bytes.starts_with(MAGICS[0]) {
         true => inflate(bytes)?,
         false => decompress(bytes)?,
     };
-    let antialiased = header.flags & 1 != 0;
-    let comments = match header.flags & 2 {
-        0 => Vec::new(),
-        _ => vec!["SPZ extensions, ignored".into()],
-    };
+    let (axes, warnings) = header.extensions(&records)?;
+    let antialiased = header.flags & ANTIALIASED != 0;
     let options = RenderOptions { antialiased, ..RenderOptions::INRIA };
     let format = PriorFormat::Foreign("SPZ", Some(header.version));
-    Ok(PriorFile { comments, ..PriorFile::new(header.splats(&streams), options, format) })
+    let file = PriorFile::new(header.splats(&streams, axes), options, format);
+    Ok(PriorFile { warnings, near_by_size: true, ..file })
 }
 
 struct Header {
@@ -101,6 +110,33 @@ impl Header {
         }
     }
 
+    /// The axes of the file's values, and warnings of what is left out. `records`: the extensions, each its type, its
+    /// length and its content.
+    fn extensions(&self, records: &[u8]) -> Result<(Axes, Vec<PriorWarning>), PriorError> {
+        let (mut axes, mut names, mut rest) = (Axes::RUB, Vec::new(), records);
+        let word = |bytes: &[u8]| u32::from_le_bytes(std::array::from_fn(|i| bytes[i]));
+        while let Some((head, behind)) = rest.split_at_checked(8) {
+            let (kind, length) = (word(head), word(&head[4..]) as usize);
+            let Some((content, behind)) = behind.split_at_checked(length) else {
+                return Err(refusal(
+                    0,
+                    format!("extension {kind:08x} of {length} bytes is cut off"),
+                ));
+            };
+            match (kind, length) {
+                (COORDINATES, 4) => axes = Axes::of(word(content))?,
+                _ => names.push(format!("{kind:08x}")),
+            }
+            rest = behind;
+        }
+        let flags = self.flags & !(ANTIALIASED | EXTENSIONS);
+        let bits = (0..8).filter(|bit| flags >> bit & 1 != 0).map(|bit| bit.to_string());
+        let mut warnings = passed_over("SPZ extension", names.iter().map(String::as_str), &FIELDS);
+        let bits: Vec<String> = bits.collect();
+        warnings.extend(passed_over("SPZ flag", bits.iter().map(String::as_str), &[]));
+        Ok((axes, warnings))
+    }
+
     /// Bytes of a splat in each stream.
     fn widths(&self) -> [usize; 6] {
         let rotation = if self.version == 2 { 3 } else { 4 };
@@ -112,7 +148,7 @@ impl Header {
     }
 
     /// The splats in all streams, one after the other.
-    fn splats(&self, streams: &[u8]) -> Splats {
+    fn splats(&self, streams: &[u8], axes: Axes) -> Splats {
         let mut at = 0;
         let [positions, opacities, colours, scales, rotations, sh] = self.sizes().map(|size| {
             at += size;
@@ -120,16 +156,19 @@ impl Header {
         });
         let [_, _, _, _, rotation_width, sh_width] = self.widths();
         let mut splats = Splats::with_capacity(self.count, self.sh_degree);
-        splats.positions.extend(positions.chunks_exact(9).map(|b| self.position(b)));
+        splats.positions.extend(positions.chunks_exact(9).map(|b| axes.vector(self.position(b))));
         splats.opacity_logits.extend(opacities.iter().map(|b| logit(f64::from(*b) / 255.0)));
         let scale = |b: &u8| f32::from(*b) / 16.0 - 10.0;
         splats.log_scales.extend(scales.as_chunks::<3>().0.iter().map(|b| b.each_ref().map(scale)));
-        splats.rotations.extend(rotations.chunks_exact(rotation_width).map(rotation));
+        splats
+            .rotations
+            .extend(rotations.chunks_exact(rotation_width).map(|b| axes.rotation(rotation(b))));
+        let signs = axes.sh_signs();
         for (index, colour) in colours.chunks_exact(3).enumerate() {
             let constant = |b: &u8| ((f64::from(*b) / 255.0 - 0.5) / COLOUR_SCALE) as f32;
             splats.sh.extend(colour.iter().map(constant));
             let rest = &sh[index * sh_width..(index + 1) * sh_width];
-            let signs = SH_SIGNS.iter().flat_map(|sign| [sign; 3]);
+            let signs = signs.iter().flat_map(|sign| [sign; 3]);
             let value = |(b, sign): (&u8, &f32)| sign * (f32::from(*b) - 128.0) / 128.0;
             splats.sh.extend(rest.iter().zip(signs).map(value));
         }
@@ -142,7 +181,55 @@ impl Header {
             let top = [0, bytes[at], bytes[at + 1], bytes[at + 2]];
             f64::from(i32::from_le_bytes(top) >> 8) * step
         };
-        [axis(0) as f32, -axis(3) as f32, -axis(6) as f32]
+        [axis(0) as f32, axis(3) as f32, axis(6) as f32]
+    }
+}
+
+/// The signs by which values of a file's axes become those of right, down, forwards.
+#[derive(Clone, Copy)]
+struct Axes([f32; 3]);
+
+impl Axes {
+    /// Right, up, backwards: those of a file that states none.
+    const RUB: Axes = Axes([1.0, -1.0, -1.0]);
+
+    /// Those of the extension: 1 to 8 are left or right, down or up, backwards or forwards, in this order of bits.
+    fn of(code: u32) -> Result<Axes, PriorError> {
+        match code {
+            0 => Ok(Axes::RUB),
+            1..=8 => {
+                let bit = |bit: u32| (code - 1) >> bit & 1 != 0;
+                let sign = |same: bool| if same { 1.0 } else { -1.0 };
+                Ok(Axes([sign(bit(0)), sign(!bit(1)), sign(bit(2))]))
+            }
+            _ => Err(refusal(
+                0,
+                format!(
+                    "coordinate system {code}, with y and z exchanged, is not read here: save it as RUB"
+                ),
+            )),
+        }
+    }
+
+    fn vector(self, v: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|i| v[i] * self.0[i])
+    }
+
+    /// A rotation's axis turns round where an odd number of axes is flipped.
+    fn rotation(self, [w, a, b, c]: [f32; 4]) -> [f32; 4] {
+        let [x, y, z] = self.0;
+        [w, a * (y * z), b * (x * z), c * (x * y)]
+    }
+
+    /// Of the spherical harmonics from degree 1 on.
+    #[rustfmt::skip]
+    fn sh_signs(self) -> [f32; 15] {
+        let [x, y, z] = self.0;
+        [
+            y, z, x,
+            x * y, y * z, 1.0, x * z, 1.0,
+            y, x * y * z, y, z, x, z, x,
+        ]
     }
 }
 
@@ -151,7 +238,7 @@ pub(super) fn logit(opacity: f64) -> f32 {
     libm::log(opacity / (1.0 - opacity)) as f32
 }
 
-/// A quaternion (w, x, y, z) of three or four bytes.
+/// A quaternion (w, x, y, z), in the file's axes, of three or four bytes.
 fn rotation(bytes: &[u8]) -> [f32; 4] {
     // x, y, z, w.
     let mut q = [0.0; 4];
@@ -171,11 +258,11 @@ fn rotation(bytes: &[u8]) -> [f32; 4] {
         }
         q[largest] = rest(q);
     }
-    [q[3], q[0], -q[1], -q[2]].map(|v| v as f32)
+    [q[3], q[0], q[1], q[2]].map(|v| v as f32)
 }
 
-/// Versions 2 and 3: header and streams from gzip. What follows the streams is ignored.
-fn inflate(bytes: &[u8]) -> Result<(Header, Vec<u8>), PriorError> {
+/// Versions 2 and 3: header, streams and extensions from gzip.
+fn inflate(bytes: &[u8]) -> Result<(Header, Vec<u8>, Vec<u8>), PriorError> {
     let mut decoder = GzDecoder::new(bytes);
     let mut first = [0; HEADER];
     let broken = |e: std::io::Error| refusal(0, format!("gzip: {e}"));
@@ -191,12 +278,16 @@ fn inflate(bytes: &[u8]) -> Result<(Header, Vec<u8>), PriorError> {
         return Err(refusal(0, format!("gzip holds {} bytes of {size}", streams.len())));
     }
     // At the end of the stream its check is seen to.
-    decoder.read(&mut [0]).map_err(broken)?;
-    Ok((header, streams))
+    let mut behind = Vec::new();
+    decoder.take(MAX_EXTENSIONS).read_to_end(&mut behind).map_err(broken)?;
+    if header.flags & EXTENSIONS == 0 {
+        behind.clear();
+    }
+    Ok((header, streams, behind))
 }
 
-/// Version 4: header, table and streams.
-fn decompress(bytes: &[u8]) -> Result<(Header, Vec<u8>), PriorError> {
+/// Version 4: header, streams and extensions.
+fn decompress(bytes: &[u8]) -> Result<(Header, Vec<u8>, Vec<u8>), PriorError> {
     let truncated = |needed: u128| PriorError::Truncated { needed, found: bytes.len() };
     let first = bytes.first_chunk().ok_or_else(|| truncated(LONG_HEADER as u128))?;
     let header = Header::read(first, bytes.len())?;
@@ -225,7 +316,9 @@ fn decompress(bytes: &[u8]) -> Result<(Header, Vec<u8>), PriorError> {
         unpack(frame, size, at, &mut streams)?;
         at = end;
     }
-    Ok((header, streams))
+    // They lie between header and table.
+    let behind = if header.flags & EXTENSIONS == 0 { LONG_HEADER } else { table };
+    Ok((header, streams, bytes[LONG_HEADER..behind].to_vec()))
 }
 
 /// Appends the `size` bytes of a Zstandard frame, which stands at byte `at` of the file.

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use super::super::key_frames::tests::sample_key_frames;
 use super::super::tests::sample_splats;
-use super::super::{Fault, Prior, RenderOverrides};
+use super::super::{Fault, MAX_LOG_SCALE, Prior, RenderOverrides};
 use super::*;
 use crate::image::Clahe;
 
@@ -221,7 +221,8 @@ fn refuses_lying_headers_without_allocating() {
 
 #[test]
 fn names_the_property_that_is_missing_or_wrong() {
-    for name in SHUFFLED {
+    // Without the third scale splats are flat.
+    for name in SHUFFLED.into_iter().filter(|name| *name != "scale_2") {
         let others: Vec<&str> = SHUFFLED.into_iter().filter(|p| *p != name).collect();
         let Err(PriorError::MissingProperty { property }) =
             read_ply(header("ascii", 1, &others).as_bytes())
@@ -307,4 +308,121 @@ proptest! {
         }
         let _ = Prior::from_bytes(&bytes, "damaged.ply", &RenderOverrides::default());
     }
+}
+
+/// The splat of [`shuffled_splat`] in a file that says more, or less: `change` its text.
+fn changed(from: &str, to: &str, values: &str) -> Result<PriorFile, PriorError> {
+    let text = header("ascii", 1, &SHUFFLED).replacen(from, to, 1) + values;
+    read_ply(text.as_bytes())
+}
+
+const VALUES: &str = "1 2 3 4 5 6 7 8 9 10 11 12 13 14";
+
+#[test]
+fn what_other_programs_say_of_the_render_mode_counts() {
+    let mode = |comments: &str| {
+        let to = format!("{comments}element");
+        changed("element", &to, VALUES).unwrap().options.antialiased
+    };
+    for comment in
+        ["SplatRenderMode: mip", "splatrendermode: Mip", "antialiased 1", "antialiased: true"]
+    {
+        assert!(mode(&format!("comment {comment}\n")), "{comment}");
+        let own = format!("comment nvsprior antialiased 0\ncomment {comment}\n");
+        assert!(!mode(&own), "{comment}: ours counts, whatever the order");
+    }
+    for comment in ["SplatRenderMode: default", "antialiased 0", "not antialiased 1", "mip"] {
+        assert!(!mode(&format!("comment {comment}\n")), "{comment}");
+    }
+}
+
+#[test]
+fn properties_that_no_list_names_are_told() {
+    let warnings = |name: &str| {
+        let to = format!("property uchar {name}\nelement other 0\nproperty float x\nend_header");
+        let scene = changed("end_header", &to, &format!("{VALUES} 9")).unwrap();
+        scene.warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(warnings("nx").len(), 1, "the element alone");
+    let told = warnings("class");
+    assert!(told[0].contains("element \"other\"") && told[1].contains("\"class\""), "{told:?}");
+}
+
+#[test]
+fn the_filter_of_mip_splatting_is_merged() {
+    let to = "property float filter_3D\nend_header";
+    let values = "0 1 0 0 0 3 2 1 0 0 0 -1 -2 0 0.5";
+    let scene = changed("end_header", to, values).unwrap();
+    let variance = |log_scale: f64| (2.0 * log_scale).exp();
+    let kept = |log_scale: f64| variance(log_scale) / (variance(log_scale) + 0.25);
+    let opacity = 0.5 * (kept(0.0) * kept(-2.0) * kept(-1.0)).sqrt();
+    let expected = [0.0, -2.0, -1.0].map(|s| 0.5 * (variance(s) + 0.25).ln());
+    for (found, expected) in scene.splats.log_scales[0].into_iter().zip(expected) {
+        assert!((f64::from(found) - expected).abs() < 1e-6);
+    }
+    let logit = (opacity / (1.0 - opacity)).ln();
+    assert!((f64::from(scene.splats.opacity_logits[0]) - logit).abs() < 1e-6);
+}
+
+#[test]
+fn splats_with_two_scales_are_flat() {
+    let scene = changed("property float scale_2\n", "", "1 2 3 4 5 6 7 8 9 10 11 13 14").unwrap();
+    assert_eq!(scene.splats.log_scales, [[14.0, 13.0, -MAX_LOG_SCALE]]);
+    let prior = Prior::from_bytes(
+        (header("ascii", 1, &SHUFFLED) + "1 2 3 4 5 6 7 8 9 10 11 -inf 13 14").as_bytes(),
+        "flat.ply",
+        &RenderOverrides::default(),
+    );
+    let prior = prior.unwrap();
+    assert_eq!(prior.splats().log_scales, scene.splats.log_scales, "the same by a scale of zero");
+    let notes: Vec<String> = prior.report().notes().collect();
+    assert!(notes[0].contains("1 splats have a scale of zero"), "{notes:?}");
+}
+
+#[test]
+fn colours_in_bytes_are_constant_harmonics() {
+    let text = header("ascii", 1, &SHUFFLED);
+    let text = ["red", "green", "blue"].iter().enumerate().fold(text, |text, (i, name)| {
+        text.replace(&format!("property float f_dc_{i}"), &format!("property uchar {name}"))
+    });
+    let scene = read_ply((text + "1 2 3 4 5 6 7 8 0 255 51 12 13 14").as_bytes()).unwrap();
+    let colour = |sh: f32| 0.5 + f64::from(sh) * 0.282_094_791_773_878_14;
+    let found: Vec<f64> = scene.splats.sh.iter().map(|sh| colour(*sh)).collect();
+    for (found, expected) in found.into_iter().zip([0.2, 1.0, 0.0]) {
+        assert!((found - expected).abs() < 1e-6);
+    }
+    let cloud = header("ascii", 1, &["x", "y", "z", "red", "green", "blue"]) + "1 2 3 4 5 6";
+    assert!(matches!(read_ply(cloud.as_bytes()), Err(PriorError::PointCloud)));
+}
+
+#[test]
+fn marks_and_old_letters_are_no_hindrance() {
+    let text =
+        header("ascii", 1, &SHUFFLED).replacen("element", "comment Gr\u{1}ner See\nelement", 1);
+    let mut bytes = [b"\xef\xbb\xbf", text.as_bytes(), VALUES.as_bytes()].concat();
+    *bytes.iter_mut().find(|byte| **byte == 1).unwrap() = 0xfc;
+    let prior = Prior::from_bytes(&bytes, "marked.ply", &RenderOverrides::default()).unwrap();
+    assert_eq!(prior.splats(), &shuffled_splat());
+    assert_eq!(prior.report().comments, ["Gr?ner See"]);
+}
+
+#[test]
+fn a_small_scene_has_a_near_plane_of_its_size() {
+    let near = |scale: f32, comment: &str, overrides: RenderOverrides| {
+        let mut splats = sample_splats(60, 0);
+        splats.positions.iter_mut().flatten().for_each(|p| *p *= scale);
+        let text = String::from_utf8_lossy(&written(&splats, &RenderOptions::INRIA)).into_owned();
+        let at = text.find("element").unwrap();
+        let bytes = written(&splats, &RenderOptions::INRIA);
+        let head = text[..at].replace("comment nvsprior near 0.2\n", comment);
+        let file = [head.as_bytes(), &bytes[at..]].concat();
+        Prior::from_bytes(&file, "small.ply", &overrides).unwrap().options().near
+    };
+    let none = RenderOverrides::default();
+    assert_eq!(near(1.0, "", none), 0.2);
+    let small = near(0.001, "", none);
+    assert!(small > 0.0 && small < 0.2 / 16.0, "{small}");
+    assert_eq!(near(0.001, "comment nvsprior near 0.2\n", none), 0.2, "stated");
+    assert_eq!(near(0.001, "comment by Nerfstudio\n", none), 0.01, "a trainer's");
+    assert_eq!(near(0.001, "", RenderOverrides { near: Some(0.1), ..none }), 0.1);
 }

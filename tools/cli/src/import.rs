@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use nvsprior::prior::{compact, replace_file};
-use nvsprior_inputs::args::OverrideArgs;
+use nvsprior_inputs::args::{OverrideArgs, open_prior};
 use nvsprior_inputs::values;
 
 use nvsprior_inputs::report::row;
@@ -34,7 +34,7 @@ fn compact_file(text: &str) -> Result<PathBuf, String> {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     values::check_file("--out", &args.out)?;
-    let prior = nvsprior_formats::open(&args.foreign, &args.overrides.overrides())?;
+    let prior = open_prior(&args.foreign, &args.overrides)?;
     let report = prior.report();
     let name = args.foreign.display();
     anyhow::ensure!(
@@ -42,9 +42,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "{name}: it is no foreign prior but a {}",
         report.format
     );
-    for dropped in &report.dropped {
-        tell!("{name}: {dropped}");
-    }
     let mut bytes = Vec::new();
     let id = compact::write_exact(prior.splats(), &prior.besides(), &mut bytes)?;
     replace_file(&args.out, &bytes)?;

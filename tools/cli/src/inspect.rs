@@ -75,6 +75,9 @@ fn describe(args: &Args, prior: &Prior) {
     for dropped in &report.dropped {
         row("dropped", dropped.to_string());
     }
+    for warning in &report.warnings {
+        row("warning", warning.to_string());
+    }
     if report.clamped_logits > 0 {
         row("full opacity", format!("{} splats had an infinite logit", report.clamped_logits));
     }

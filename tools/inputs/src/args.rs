@@ -1,6 +1,6 @@
 //! Arguments that several subcommands share.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -96,14 +96,19 @@ impl DeviceArgs {
     }
 }
 
+/// Reads a prior, saying what was left out of it.
+pub fn open_prior(path: &Path, overrides: &OverrideArgs) -> anyhow::Result<Prior> {
+    let prior = nvsprior_formats::open(path, &overrides.overrides())?;
+    for note in prior.report().notes() {
+        tell!("{}: {note}", path.display());
+    }
+    Ok(prior)
+}
+
 impl PriorArgs {
     /// Reads the prior, saying what was left out of it.
     pub fn open(&self) -> anyhow::Result<Prior> {
-        let prior = nvsprior_formats::open(&self.prior, &self.overrides.overrides())?;
-        for dropped in &prior.report().dropped {
-            tell!("{}: {dropped}", self.prior.display());
-        }
-        Ok(prior)
+        open_prior(&self.prior, &self.overrides)
     }
 
     /// The lens of its mapping run's camera, if it states one.

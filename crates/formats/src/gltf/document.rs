@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 use super::container::refusal;
-use nvsprior::prior::PriorError;
+use nvsprior::prior::{Field, FieldUse, PriorError, PriorWarning, passed_over};
 
 /// The extension.
 pub const SPLATS: &str = "KHR_gaussian_splatting";
@@ -80,13 +80,40 @@ pub struct Extensions {
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub struct SplatExtension {
-    kernel: String,
+    /// Files of the draft have none.
+    kernel: Option<String>,
+    #[serde(default)]
     color_space: String,
     #[serde(default = "perspective")]
     projection: String,
     #[serde(default)]
     extensions: BTreeMap<String, serde::de::IgnoredAny>,
+    #[serde(default, alias = "antialias")]
+    antialiased: bool,
+    #[serde(flatten)]
+    others: BTreeMap<String, serde::de::IgnoredAny>,
 }
+
+/// What is done with the members of the extension.
+pub const FIELDS: [Field; 6] = [
+    ("kernel", FieldUse::Read),
+    ("colorSpace", FieldUse::Read),
+    ("projection", FieldUse::Read),
+    ("sortingMethod", FieldUse::Harmless),
+    ("antialiased", FieldUse::Read),
+    ("extensions", FieldUse::Refused),
+];
+
+/// What is done with the attributes of a primitive.
+pub const ATTRIBUTES: [Field; 6] = [
+    ("POSITION", FieldUse::Read),
+    ("KHR_gaussian_splatting:ROTATION", FieldUse::Read),
+    ("KHR_gaussian_splatting:SCALE", FieldUse::Read),
+    ("KHR_gaussian_splatting:OPACITY", FieldUse::Read),
+    ("KHR_gaussian_splatting:SH_DEGREE_*", FieldUse::Read),
+    // What a viewer without the extension draws: points of this colour.
+    ("COLOR_0", FieldUse::Harmless),
+];
 
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -145,6 +172,20 @@ impl Primitive {
         (1..=3).filter(has).max().unwrap_or(0)
     }
 
+    pub fn is_antialiased(&self) -> bool {
+        self.extensions.splats.as_ref().is_some_and(|splats| splats.antialiased)
+    }
+
+    /// Warnings of what is left out.
+    pub fn warnings(&self) -> Vec<PriorWarning> {
+        let names = self.attributes.keys().map(String::as_str);
+        let mut warnings = passed_over("glTF attribute", names, &ATTRIBUTES);
+        let splats = self.extensions.splats.iter();
+        let others = splats.flat_map(|splats| splats.others.keys().map(String::as_str));
+        warnings.extend(passed_over("glTF member", others, &FIELDS));
+        warnings
+    }
+
     /// How many splats its positions say that it has.
     pub fn count(&self, document: &Document) -> Option<usize> {
         Some(document.accessors.get(*self.attributes.get("POSITION")?)?.count)
@@ -159,8 +200,13 @@ impl SplatExtension {
                 "splats by {name}, which is not read here: save them without it"
             )));
         }
+        let Some(kernel) = &self.kernel else {
+            return Err(refusal(format!(
+                "no kernel: a file of a draft of {SPLATS}, with _ROTATION, _SCALE and COLOR_0; convert it anew"
+            )));
+        };
         for (what, found, known) in [
-            ("kernel", &self.kernel, "ellipse"),
+            ("kernel", kernel, "ellipse"),
             ("projection", &self.projection, "perspective"),
             ("colorSpace", &self.color_space, "srgb_rec709_display"),
         ] {

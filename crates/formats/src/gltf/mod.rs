@@ -9,7 +9,9 @@
 //! `perspective`, the colours `srgb_rec709_display`; any component type that glTF allows; data in the file itself.
 //! Refused are other kernels, projections and colours, compression (SPZ within glTF is not settled), sparse accessors,
 //! files beside the file, and nodes that scale their axes differently. The sorting method is ignored: splats are always
-//! sorted by depth. Render options are [`RenderOptions::INRIA`].
+//! sorted by depth. Render options are [`RenderOptions::INRIA`], anti-aliased if the extension says so. Scales of which
+//! one is below 0 are read as logarithms, opacities of which one is not from 0 to 1 as logits, as files of the draft
+//! have them, with a warning. Attributes and members of the extension that are not known are left out, with a warning.
 
 mod accessor;
 mod container;
@@ -22,10 +24,11 @@ use document::{Document, Primitive, SPLATS};
 use placement::Placement;
 
 use crate::spz::logit;
-use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
+use nvsprior::prior::{PriorError, PriorFile, PriorFormat, PriorWarning, Splats};
 use nvsprior::{Prior, RenderOptions};
 
 pub use container::MAGIC;
+pub use document::{ATTRIBUTES, FIELDS};
 
 const FORMAT: PriorFormat = PriorFormat::Foreign("glTF, binary", None);
 
@@ -51,12 +54,49 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let columns = placements.iter().map(|p| Columns::find(&accessors, p.primitive));
     let columns = columns.collect::<Result<Vec<_>, _>>()?;
     let mut splats = Splats::with_capacity(count, sh_degree);
+    let coded = Coded::of(&columns);
     for (placement, columns) in placements.iter().zip(columns) {
-        columns.append(placement, &mut splats);
+        columns.append(placement, coded, &mut splats);
     }
     let comments = document.asset.generator.iter().map(|by| format!("generator {by}")).collect();
-    let file = PriorFile::new(splats, RenderOptions::INRIA, FORMAT);
-    Ok(PriorFile { comments, ..file })
+    let mut warnings = coded.warnings();
+    for placement in &placements {
+        warnings.extend(placement.primitive.warnings());
+    }
+    let antialiased = placements.iter().any(|p| p.primitive.is_antialiased());
+    let options = RenderOptions { antialiased, ..RenderOptions::INRIA };
+    let file = PriorFile::new(splats, options, FORMAT);
+    Ok(PriorFile { comments, warnings, near_by_size: true, ..file })
+}
+
+/// Whether numbers stand as a file of the draft has them, and not as the extension says.
+#[derive(Clone, Copy)]
+struct Coded {
+    /// Scales are logarithms: one of them is below 0.
+    logarithms: bool,
+    /// Opacities are logits: one of them is beyond 0 and 1.
+    logits: bool,
+}
+
+impl Coded {
+    fn of(columns: &[Columns]) -> Coded {
+        let scales = |c: &Columns| {
+            (0..c.scales.count).any(|i| c.scales.get::<3>(i).iter().any(|s| *s < 0.0))
+        };
+        let opacities = |c: &Columns| {
+            (0..c.opacities.count).any(|i| !(0.0..=1.0).contains(&c.opacities.get::<1>(i)[0]))
+        };
+        Coded { logarithms: columns.iter().any(scales), logits: columns.iter().any(opacities) }
+    }
+
+    fn warnings(self) -> Vec<PriorWarning> {
+        let read_as = |what, taken_for| PriorWarning::ReadAs { what, taken_for };
+        let scales =
+            self.logarithms.then(|| read_as("glTF scales, some of them below 0,", "logarithms"));
+        let opacities =
+            self.logits.then(|| read_as("glTF opacities, some of them not from 0 to 1,", "logits"));
+        scales.into_iter().chain(opacities).collect()
+    }
 }
 
 /// The numbers of a primitive's splats.
@@ -96,14 +136,16 @@ impl<'a> Columns<'a> {
     }
 
     /// Appends the splats, moved by the transform of their node.
-    fn append(&self, placement: &Placement, splats: &mut Splats) {
+    fn append(&self, placement: &Placement, coded: Coded, splats: &mut Splats) {
         let stride = splats.sh_stride();
         for index in 0..self.positions.count {
             splats.positions.push(placement.position(self.positions.get(index)));
             splats.rotations.push(placement.rotation(self.rotations.get(index)));
-            splats.log_scales.push(placement.log_scales(self.scales.get(index)));
+            let scales: [f64; 3] = self.scales.get(index);
+            let scales = if coded.logarithms { scales.map(libm::exp) } else { scales };
+            splats.log_scales.push(placement.log_scales(scales));
             let [opacity] = self.opacities.get(index);
-            splats.opacity_logits.push(logit(opacity));
+            splats.opacity_logits.push(if coded.logits { opacity as f32 } else { logit(opacity) });
             let mut sh = [[0.0; 3]; 16];
             for (coefficient, column) in sh.iter_mut().zip(&self.sh) {
                 *coefficient = column.get(index);

@@ -211,3 +211,48 @@ proptest! {
         let _ = crate::from_bytes(&file, "x", &RenderOverrides::default());
     }
 }
+
+/// The plain file with another column in place of one; floats.
+fn with_column(name: &str, values: &[f32]) -> PriorFile {
+    let (document, mut data) = plain();
+    let accessor = document["meshes"][0]["primitives"][0]["attributes"][name].as_u64().unwrap();
+    let start = document["bufferViews"][accessor as usize]["byteOffset"].as_u64().unwrap() as usize;
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    data[start..start + bytes.len()].copy_from_slice(&bytes);
+    read(&glb(&document, &data)).unwrap()
+}
+
+#[test]
+fn logarithms_and_logits_of_the_draft_are_recognised() {
+    let (document, data) = plain();
+    let right = read(&glb(&document, &data)).unwrap();
+    assert_eq!(right.warnings, []);
+    let logarithms: Vec<f32> = right.splats.log_scales.as_flattened().to_vec();
+    let scales = with_column("KHR_gaussian_splatting:SCALE", &logarithms);
+    near(scales.splats.log_scales.as_flattened(), &logarithms);
+    assert!(scales.warnings[0].to_string().contains("logarithms"), "{:?}", scales.warnings);
+    let logits = with_column("KHR_gaussian_splatting:OPACITY", &[-1.5, 0.5]);
+    assert_eq!(logits.splats.opacity_logits, [-1.5, 0.5]);
+    assert!(logits.warnings[0].to_string().contains("logits"), "{:?}", logits.warnings);
+}
+
+#[test]
+fn what_no_list_names_is_told() {
+    let (mut document, data) = plain();
+    let primitive = &mut document["meshes"][0]["primitives"][0];
+    primitive["extensions"]["KHR_gaussian_splatting"]["blur"] = json!(3);
+    primitive["attributes"]["_TIME"] = json!(3);
+    let told: Vec<String> =
+        read(&glb(&document, &data)).unwrap().warnings.iter().map(ToString::to_string).collect();
+    assert!(told[0].contains("\"_TIME\"") && told[1].contains("\"blur\""), "{told:?}");
+    document["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"]["antialiased"] =
+        json!(true);
+    assert!(read(&glb(&document, &data)).unwrap().options.antialiased);
+}
+
+#[test]
+fn a_file_of_the_draft_is_named() {
+    let (mut document, data) = plain();
+    document["meshes"][0]["primitives"][0]["extensions"]["KHR_gaussian_splatting"] = json!({});
+    assert!(reason(&document, &data).contains("a draft of KHR_gaussian_splatting"));
+}

@@ -1,8 +1,11 @@
 //! `meta.json` of a SOG file.
 
-use serde::Deserialize;
+use std::collections::BTreeMap;
 
-use nvsprior::prior::{PriorError, Splats};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+
+use nvsprior::prior::{Field, FieldUse, PriorError, PriorWarning, Splats, passed_over};
 
 /// The file, of version 2.
 #[derive(Deserialize)]
@@ -12,13 +15,30 @@ pub struct Meta {
     pub count: usize,
     #[serde(default)]
     pub antialias: bool,
+    /// How it was trained to be drawn, of newer files.
+    pub model: Option<String>,
     pub means: Means,
     pub scales: Coded,
     pub quats: Rotations,
     pub sh0: Coded,
     #[serde(rename = "shN")]
     pub sh_rest: Option<Palette>,
+    #[serde(flatten)]
+    pub others: BTreeMap<String, IgnoredAny>,
 }
+
+/// What is done with the fields of the file.
+pub const FIELDS: [Field; 9] = [
+    ("version", FieldUse::Read),
+    ("asset", FieldUse::Harmless),
+    ("count", FieldUse::Read),
+    ("antialias", FieldUse::Read),
+    ("model", FieldUse::Read),
+    ("means", FieldUse::Read),
+    ("scales", FieldUse::Read),
+    ("quats", FieldUse::Read),
+    ("sh*", FieldUse::Read),
+];
 
 #[derive(Default, Deserialize)]
 pub struct Asset {
@@ -108,6 +128,20 @@ impl Meta {
             }
             _ => Ok(meta),
         }
+    }
+
+    pub fn is_antialiased(&self) -> bool {
+        self.antialias || self.model.as_deref() == Some("antialiased")
+    }
+
+    /// Warnings of what is left out. Flat splats tell of themselves, by their scales.
+    pub fn warnings(&self) -> Vec<PriorWarning> {
+        let mut warnings =
+            passed_over("SOG field", self.others.keys().map(String::as_str), &FIELDS);
+        let known =
+            [("3dgs", FieldUse::Read), ("antialiased", FieldUse::Read), ("2dgs", FieldUse::Read)];
+        warnings.extend(passed_over("SOG model", self.model.as_deref(), &known));
+        warnings
     }
 
     pub fn sh_degree(&self) -> u32 {

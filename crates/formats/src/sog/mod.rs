@@ -19,6 +19,7 @@ use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
 use nvsprior::{Prior, RenderOptions};
 
 pub use archive::MAGIC;
+pub use meta::FIELDS;
 
 const FORMAT: PriorFormat = PriorFormat::Foreign("SOG", Some(2));
 
@@ -64,9 +65,15 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let opacities = colours.first(count).map(|[.., byte]| logit(f64::from(byte) / 255.0));
     splats.opacity_logits.extend(opacities);
     append_colours(&mut splats, &meta, &colours, &mut archive)?;
-    let options = RenderOptions { antialiased: meta.antialias, ..RenderOptions::INRIA };
+    let options = RenderOptions { antialiased: meta.is_antialiased(), ..RenderOptions::INRIA };
     let comments = meta.asset.generator.iter().map(|by| format!("generator {by}")).collect();
-    Ok(PriorFile { comments, ..PriorFile::new(splats, options, FORMAT) })
+    let warnings = meta.warnings();
+    Ok(PriorFile {
+        comments,
+        warnings,
+        near_by_size: true,
+        ..PriorFile::new(splats, options, FORMAT)
+    })
 }
 
 /// Constant coefficients from `colours`, the others from the palette.

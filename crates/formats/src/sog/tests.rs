@@ -142,3 +142,24 @@ proptest! {
         let _ = crate::from_bytes(&file, "x", &RenderOverrides::default());
     }
 }
+
+#[test]
+fn the_model_counts_and_unknown_fields_are_told() {
+    let file = |model: Option<&str>| {
+        let (mut meta, pictures) = plain();
+        meta.as_object_mut().unwrap().remove("antialias");
+        if let Some(model) = model {
+            meta["model"] = json!(model);
+        }
+        let file = read(&archive(&meta, &pictures)).unwrap();
+        (file.options.antialiased, file.warnings.len())
+    };
+    assert_eq!(file(None), (false, 0));
+    assert_eq!(file(Some("antialiased")), (true, 0));
+    assert_eq!(file(Some("2dgs")), (false, 0), "its scales tell");
+    assert_eq!(file(Some("other")), (false, 1));
+    let (mut meta, pictures) = plain();
+    meta["blur"] = json!(1);
+    let told = read(&archive(&meta, &pictures)).unwrap().warnings[0].to_string();
+    assert!(told.contains("SOG field \"blur\""), "{told}");
+}

@@ -143,3 +143,52 @@ proptest! {
         let _ = read(&[MAGICS[magic], &rest[..]].concat());
     }
 }
+
+/// The plain file of version 3 with extensions: their types and contents.
+fn extended(records: &[(u32, &[u8])]) -> Vec<u8> {
+    let mut bytes = plain(3);
+    bytes[14] |= EXTENSIONS;
+    for (kind, content) in records {
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend((content.len() as u32).to_le_bytes());
+        bytes.extend(*content);
+    }
+    bytes
+}
+
+#[test]
+fn stated_axes_count() {
+    let usual = read(&zipped(&plain(3))).unwrap().splats;
+    let stated = |code: u32| read(&zipped(&extended(&[(COORDINATES, &code.to_le_bytes())])));
+    for code in [0, 4] {
+        assert_eq!(stated(code).unwrap().splats, usual, "right, up, backwards");
+    }
+    // Right, down, forwards: nothing is turned.
+    let plain = stated(6).unwrap().splats;
+    assert_eq!(plain.positions[0], [1.0, -2.0, 1.0 / 4096.0], "as in the file");
+    assert_eq!(plain.log_scales, usual.log_scales);
+    for (a, b) in plain.rotations.iter().zip(&usual.rotations) {
+        assert_eq!(*a, [b[0], b[1], -b[2], -b[3]]);
+    }
+    // Of degree 1 they are y, z and x.
+    let turned = |sh: &[f32]| {
+        [-1.0, -1.0, 1.0]
+            .into_iter()
+            .zip(sh.as_chunks::<3>().0)
+            .flat_map(|(sign, rgb)| rgb.map(|v| sign * v))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(plain.sh[3..12], turned(&usual.sh[3..12]));
+    let refused = stated(16).unwrap_err().to_string();
+    assert!(refused.contains("save it as RUB"), "{refused}");
+}
+
+#[test]
+fn extensions_that_no_list_names_are_told() {
+    let file = read(&zipped(&extended(&[(0xadbe_0002, &[0; 12]), (0x1234_0001, &[7])]))).unwrap();
+    let told: Vec<String> = file.warnings.iter().map(ToString::to_string).collect();
+    assert!(told.len() == 1 && told[0].contains("12340001"), "{told:?}");
+    let mut cut = extended(&[(COORDINATES, &[4, 0, 0, 0])]);
+    cut.pop();
+    assert!(read(&zipped(&cut)).is_err());
+}

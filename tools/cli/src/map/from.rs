@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use glam::{DQuat, DVec3};
 use nvsprior::render::Plan;
 use nvsprior::{Camera, Engine, Picture, Pose, Prior};
-use nvsprior_inputs::args::OverrideArgs;
+use nvsprior_inputs::args::{OverrideArgs, open_prior};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::mapper::{MapOptions, Schedule};
 
@@ -49,8 +49,7 @@ const SHOWN: f32 = 0.5;
 impl FromArgs {
     /// The prior to go on with, if one is given.
     pub fn prior(&self, overrides: &OverrideArgs) -> anyhow::Result<Option<Prior>> {
-        let open = |path: &PathBuf| Ok(nvsprior_formats::open(path, &overrides.overrides())?);
-        self.from.as_ref().map(open).transpose()
+        self.from.as_ref().map(|path| open_prior(path, overrides)).transpose()
     }
 
     /// The options of a training that goes on with a prior. `splats`: most of them, if that was said.

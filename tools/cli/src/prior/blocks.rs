@@ -11,7 +11,7 @@ use nvsprior::prior::compact::Quantisation;
 use nvsprior::prior::{Besides, Extras, KeyFrames, Splats};
 
 use crate::container::{FINENESS, check_not_over};
-use nvsprior_inputs::args::{OverrideArgs, progress};
+use nvsprior_inputs::args::{OverrideArgs, open_prior, progress};
 use nvsprior_inputs::report::row;
 use nvsprior_inputs::values;
 
@@ -86,7 +86,7 @@ struct Parts {
 
 impl Parts {
     fn read(args: &Args) -> anyhow::Result<Parts> {
-        let open = |path| nvsprior_formats::open(path, &args.overrides.overrides());
+        let open = |path| open_prior(path, &args.overrides);
         let first = open(&args.priors[0])?;
         let (mut splats, mut extras) = (first.splats().clone(), first.extras().clone());
         let mut poses = first.key_frames().poses().to_vec();

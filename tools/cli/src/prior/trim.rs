@@ -14,7 +14,7 @@ use crate::container::{Container, check_not_over};
 use crate::mission::{self, Mission, MissionArgs};
 use crate::picture_renderer::PictureRenderer;
 use judge::{Bench, Loss};
-use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
+use nvsprior_inputs::args::{DeviceArgs, OverrideArgs, open_prior};
 use nvsprior_inputs::values;
 use nvsprior_runs::{SheetRow, write_contact_sheet};
 
@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         values::check_file("--sheet", sheet)?;
     }
     check_not_over(&args.prior, &args.out)?;
-    let prior = nvsprior_formats::open(&args.prior, &args.overrides.overrides())?;
+    let prior = open_prior(&args.prior, &args.overrides)?;
     container.check_tables(prior.coder_tables().is_some())?;
     let mission = args.mission.read(&args.cameras, &prior)?;
     let engine = args.device.open()?;

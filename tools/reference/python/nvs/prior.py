@@ -1,6 +1,7 @@
 """Priors: docs/format/prior.md."""
 
 import lzma
+import re
 import struct
 from pathlib import Path
 
@@ -35,17 +36,21 @@ class Tables:
 class Prior:
     """Splats and what goes with them."""
 
-    def __init__(self, arrays, options, tables=None, key_frames=0, frame=None):
-        """`frame`: the stated centre and spread, of a blocked prior."""
+    def __init__(self, arrays, options, tables=None, key_frames=0, frame=None, near_by_size=False):
+        """`frame`: the stated centre and spread, of a blocked prior. `near_by_size`: no near plane is stated."""
         self.positions, self.log_scales, self.rotations, self.logits, self.sh = arrays
-        self.options = options
-        self.near, self.alpha_max, self.antialiased, self.background, self.trained_focal = options
         self.tables, self.key_frames, self.frame = tables, key_frames, frame
         self._drop()
-        self.id = self._identity()
         self._frame()
+        if near_by_size and self.spread < F32(0.5):
+            near = max(self.spread * F32(1 / 16), np.finfo(F32).tiny)
+            options = (min(options[0], near), *options[1:])
+        self.options = options
+        self.near, self.alpha_max, self.antialiased, self.background, self.trained_focal = options
+        self.id = self._identity()
 
     def _drop(self):
+        self.log_scales = np.where(np.isneginf(self.log_scales), F32(-40), self.log_scales).astype(F32)
         infinite = np.isinf(self.logits)
         self.logits = np.where(infinite, np.copysign(F32(20), self.logits), self.logits).astype(F32)
         length = np.sqrt((self.rotations.astype(np.float64) ** 2).sum(1))
@@ -72,8 +77,8 @@ class Prior:
 
     def _frame(self):
         if self.frame:
-            self.centre, spread = self.frame
-            self.unit = _unit(spread, self.centre.astype(np.float64))
+            self.centre, self.spread = self.frame
+            self.unit = _unit(self.spread, self.centre.astype(np.float64))
             return
         positions = self.positions.astype(np.float64)
         middle = (len(positions) - 1) // 2
@@ -81,9 +86,9 @@ class Prior:
         off = np.abs(positions - centre)
         most = float(np.finfo(F32).max)
         spreads = [F32(min(v, most)) for v in (np.sort(off, 0)[middle].max(), off.max(), 1.0)]
-        spread = next(s for s in spreads if s > 0)
+        self.spread = next(s for s in spreads if s > 0)
         self.centre = centre.astype(F32)
-        self.unit = _unit(spread, centre)
+        self.unit = _unit(self.spread, centre)
 
     @property
     def name(self):
@@ -94,16 +99,25 @@ def _unit(spread, centre):
     return max(float(spread), float(np.abs(centre).max()) * 2.0**-23)
 
 
+def _is_mip(comment):
+    """Whether another program says that the scene was trained anti-aliased."""
+    words = re.split("[ \t:=]+", comment.strip().lower())
+    return words in (["splatrendermode", "mip"], ["splatrendermode", "antialiased"], ["antialiased", "1"],
+                     ["antialiased", "true"])
+
+
 def options_of(comments):
-    """Render options of a PLY file's comments."""
-    near, alpha_max, antialiased, background = F32(0.2), F32(0.99), False, [F32(0)] * 3
-    if any("nerfstudio" in comment.lower() for comment in comments):
+    """Render options of a PLY file's comments; how many key frames; whether no near plane is stated."""
+    near, alpha_max, background = F32(0.2), F32(0.99), [F32(0)] * 3
+    antialiased = any(map(_is_mip, comments))
+    by_size = not any("nerfstudio" in comment.lower() for comment in comments)
+    if not by_size:
         near = F32(0.01)
     key_frames, focal = 0, None
     for comment in comments:
         match comment.split():
             case ["nvsprior", "near", v]:
-                near = F32(v)
+                near, by_size = F32(v), False
             case ["nvsprior", "alpha_max", v]:
                 alpha_max = F32(v)
             case ["nvsprior", "antialiased", "0" | "1" as v]:
@@ -120,7 +134,7 @@ def options_of(comments):
                 raise Refused("content")
     if focal is not None and not 1 <= focal <= 1e6:
         raise Refused("content")
-    return (near, alpha_max, antialiased, background, focal), key_frames
+    return (near, alpha_max, antialiased, background, focal), key_frames, by_size
 
 
 KINDS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -129,8 +143,9 @@ KINDS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4"
 
 
 def read_ply(data):
+    data = data.removeprefix(b"\xef\xbb\xbf")
     end = data.index(b"end_header\n") + 11
-    lines = data[:end].decode().splitlines()
+    lines = data[:end].decode("utf-8", "replace").splitlines()
     order, elements, comments = "<", [], []
     for line in lines[1:]:
         match line.split():
@@ -159,13 +174,32 @@ def read_ply(data):
     column = lambda *names: np.stack([rows[n].astype(F32) for n in names], 1)
     rest = sum(name.startswith("f_rest_") for name in rows.dtype.names)
     sh = np.empty((len(rows), rest // 3 + 1, 3), F32)
-    sh[:, 0] = column("f_dc_0", "f_dc_1", "f_dc_2")
+    names = rows.dtype.names
+    if "f_dc_0" in names:
+        sh[:, 0] = column("f_dc_0", "f_dc_1", "f_dc_2")
+    else:
+        largest = 255 if rows.dtype["red"] == np.uint8 else 1
+        rgb = column("red", "green", "blue").astype(np.float64)
+        sh[:, 0] = (rgb / largest - 0.5) / 0.28209479177387814
     for k in range(rest // 3):
         sh[:, k + 1] = column(*(f"f_rest_{c * (rest // 3) + k}" for c in range(3)))
-    arrays = (column("x", "y", "z"), column("scale_0", "scale_1", "scale_2"),
-              column("rot_0", "rot_1", "rot_2", "rot_3"), rows["opacity"].astype(F32), sh)
-    options, key_frames = options_of(comments)
-    return Prior(arrays, options, None, key_frames)
+    scales = column(*(name for name in ("scale_0", "scale_1", "scale_2") if name in names))
+    if scales.shape[1] == 2:
+        scales = np.concatenate([scales, np.full((len(rows), 1), F32(-40))], 1)
+    logits = rows["opacity"].astype(F32)
+    if "filter_3D" in names:
+        scales, logits = _smoothed(scales, logits, rows["filter_3D"].astype(F32))
+    arrays = (column("x", "y", "z"), scales, column("rot_0", "rot_1", "rot_2", "rot_3"), logits, sh)
+    options, key_frames, by_size = options_of(comments)
+    return Prior(arrays, options, None, key_frames, None, by_size)
+
+
+def _smoothed(scales, logits, filters):
+    """Mip-Splatting's filter merged into scales and opacities."""
+    variances, added = np.exp(2 * scales.astype(np.float64)), filters.astype(np.float64)[:, None] ** 2
+    kept = np.prod(variances / (variances + added), 1)
+    opacity = np.sqrt(kept) / (1 + np.exp(-logits.astype(np.float64)))
+    return (0.5 * np.log(variances + added)).astype(F32), np.log(opacity / (1 - opacity)).astype(F32)
 
 
 KNOWN = dict.fromkeys(["options", "frame", "tables", "splats", "exact", "blocks"], 3)
