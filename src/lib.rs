@@ -83,6 +83,7 @@ pub mod parts {
     pub use crate::render::stages::{self, CameraPose, Channels, Stages};
     pub use crate::render::workspace::Workspace;
     pub use crate::search::{PAPER as FREE, PoseCode};
+    pub use crate::vulkan::FloatEnvironment;
 }
 
 // What tests of all kinds share, which name the library as others do.

@@ -35,7 +35,7 @@ fn wrong_shape(name: &str, found: &[usize], due: &str) -> Failure {
     Failure::argument(format!("{name}: an array of shape {found:?}, but {due} is due"))
 }
 
-/// Copies an array into a picture that has memory already. An array without gaps is copied at once.
+/// Copies an array of any layout into a picture that has memory already. A C-contiguous one is copied at once.
 pub fn read_picture(name: &str, given: &Bound<PyAny>, into: &mut Picture) -> PyResult<()> {
     let array = typed::<u8>(name, given)?;
     let &[height, width, 3] = array.shape() else {
@@ -46,8 +46,9 @@ pub fn read_picture(name: &str, given: &Bound<PyAny>, into: &mut Picture) -> PyR
     };
     into.resize(side(width)?, side(height)?);
     match array.as_slice() {
-        Ok(bytes) => into.data.copy_from_slice(bytes),
-        Err(_) => {
+        // It takes Fortran's order, too, in which other values lie side by side.
+        Ok(bytes) if array.is_c_contiguous() => into.data.copy_from_slice(bytes),
+        _ => {
             let values = array.as_array();
             into.data.iter_mut().zip(values.iter()).for_each(|(into, value)| *into = *value);
         }

@@ -4,6 +4,7 @@ use std::ops::{Deref, DerefMut};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
+use nvsprior::parts::FloatEnvironment;
 use pyo3::prelude::*;
 
 use crate::errors::{Failure, Kind};
@@ -82,7 +83,11 @@ pub fn detached<R: Send>(
     py: Python,
     work: impl FnOnce() -> Result<R, Failure> + Send,
 ) -> Result<R, Failure> {
-    py.detach(|| catch_unwind(AssertUnwindSafe(work))).unwrap_or_else(|_| {
+    py.detach(|| {
+        let _environment = FloatEnvironment::enter();
+        catch_unwind(AssertUnwindSafe(work))
+    })
+    .unwrap_or_else(|_| {
         Err(Failure::new(Kind::Internal, "a fault inside the library: please report it"))
     })
 }

@@ -1,11 +1,13 @@
 //! Priors.
 
+use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{Extras, KeyFrames, ply, replace_file};
 use nvsprior::{Prior, RenderOverrides};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
 use crate::arrays::numbers;
@@ -34,6 +36,15 @@ fn overrides(
     Ok(RenderOverrides { near, alpha_max, antialiased, background, trained_focal })
 }
 
+/// A prior that was read. Warns of what was left out of it.
+fn told(py: Python, prior: Prior) -> PyResult<PyPrior> {
+    for note in prior.report().notes() {
+        let text = CString::new(note).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+    }
+    Ok(PyPrior(Arc::new(prior)))
+}
+
 #[pymethods]
 impl PyPrior {
     /// Reads a prior from a file: .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the
@@ -51,8 +62,7 @@ impl PyPrior {
         trained_focal: Option<f32>,
     ) -> PyResult<PyPrior> {
         let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
-        let prior = detached(py, || Ok(nvsprior_formats::open(&path, &overrides)?))?;
-        Ok(PyPrior(Arc::new(prior)))
+        told(py, detached(py, || Ok(nvsprior_formats::open(&path, &overrides)?))?)
     }
 
     /// Reads a prior from a file's content. `name` stands for the file in errors.
@@ -71,8 +81,7 @@ impl PyPrior {
         trained_focal: Option<f32>,
     ) -> PyResult<PyPrior> {
         let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
-        let prior = detached(py, || Ok(nvsprior_formats::from_bytes(content, name, &overrides)?))?;
-        Ok(PyPrior(Arc::new(prior)))
+        told(py, detached(py, || Ok(nvsprior_formats::from_bytes(content, name, &overrides)?))?)
     }
 
     /// Number of splats.

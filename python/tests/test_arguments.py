@@ -144,3 +144,12 @@ def test_priors_are_kept(prior, root, tmp_path):
     with pytest.raises(nvsprior.ArgumentError, match="path: .*copy.txt"):
         prior.save(tmp_path / "copy.txt")
 
+
+
+def test_what_a_file_says_beyond_the_format_is_told():
+    head = "ply\nformat ascii 1.0\nelement vertex 1\n"
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"]
+    names += ["rot_0", "rot_1", "rot_2", "rot_3", "temperature"]
+    text = head + "".join(f"property float {name}\n" for name in names) + "end_header\n" + "1 " * len(names)
+    with pytest.warns(UserWarning, match='"temperature" is not known here'):
+        nvsprior.Prior.from_bytes(text.encode())

@@ -55,6 +55,42 @@ def test_rates_are_kept(engine, prior, camera, poses, frames):
         nvsprior.Encoder(engine, prior, camera, bytes=10).encode(frames[0], poses[0])
 
 
+def layouts(frame: np.ndarray) -> dict[str, np.ndarray]:
+    """The same picture in other places of memory."""
+    height, width, _ = frame.shape
+    wide = np.zeros((height * 2, width * 3, 4), np.uint8)
+    wide[::2, 1::3, 1:] = frame
+    return {
+        "Fortran's order": np.asfortranarray(frame),
+        "planes": np.ascontiguousarray(frame.transpose(2, 0, 1)).transpose(1, 2, 0),
+        "columns": np.ascontiguousarray(frame.transpose(1, 0, 2)).transpose(1, 0, 2),
+        "strides": wide[::2, 1::3, 1:],
+        "upside down": np.ascontiguousarray(frame[::-1])[::-1],
+        "colours exchanged twice": np.ascontiguousarray(frame[..., ::-1])[..., ::-1],
+    }
+
+
+def test_every_layout_of_an_array_is_the_same_picture(engine, prior, camera, poses, frames):
+    due = nvsprior.Encoder(engine, prior, camera, psnr=45).encode(frames[0], poses[0]).packet
+    mask = np.ones(frames[0].shape[:2], bool)
+    mask[:20, 30:] = False
+    masked = []
+    for given in (mask, np.asfortranarray(mask)):
+        encoder = nvsprior.Encoder(engine, prior, camera, quality=10)
+        encoder.set_mask(given)
+        masked.append(encoder.encode(frames[0], poses[0]).packet)
+    assert masked[0] == masked[1]
+    for name, frame in layouts(frames[0]).items():
+        assert np.array_equal(frame, frames[0]), name
+        encoder = nvsprior.Encoder(engine, prior, camera, psnr=45)
+        assert encoder.encode(frame, poses[0]).packet == due, name
+    trained = [
+        nvsprior.map(engine, [f], camera, poses[:1], splats=500, iterations=20).id
+        for f in (frames[0], np.asfortranarray(frames[0]))
+    ]
+    assert trained[0] == trained[1]
+
+
 def test_arrays_of_the_caller_are_written_to(engine, prior, camera, poses, frames):
     encoder = nvsprior.Encoder(engine, prior, camera)
     decoder = nvsprior.Decoder(engine, prior)

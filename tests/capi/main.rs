@@ -47,6 +47,7 @@ programs! {
     garbage: [];
     allocations: [];
     soak: ["200"];
+    float_environment: [];
 }
 
 /// `make c-test` sends 10,500 packets; this, 400.

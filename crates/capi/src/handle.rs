@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::time::Duration;
 
 use nvsprior::QueueError;
+use nvsprior::parts::FloatEnvironment;
 
 use super::log::{Log, NVSP_LOG_ERROR};
 use super::status::*;
@@ -351,6 +352,7 @@ pub unsafe extern "C" fn nvsp_cancel(handle: *mut c_void) -> nvsp_status {
 /// - `handle`: a live handle, which no thread uses. NULL: nothing is done.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_destroy(handle: *mut c_void) {
+    let _environment = FloatEnvironment::enter();
     // There is nobody left to report a panic while dropping.
     let _ = catch_unwind(AssertUnwindSafe(|| {
         // SAFETY: a live handle, see `# Safety`.
@@ -389,6 +391,7 @@ pub(super) fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp
 }
 
 fn caught<T>(body: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    let _environment = FloatEnvironment::enter();
     catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|_| {
         Err(Failure::at(NVSP_ERR_INTERNAL, "please report it, and destroy the handle"))
     })

@@ -8,7 +8,7 @@ use std::ptr::null_mut;
 
 use super::status::*;
 use super::structs::User;
-use nvsprior::parts::Spawn;
+use nvsprior::parts::{FloatEnvironment, Spawn};
 
 /// Called once on each thread that the library starts, before it does any work: set its scheduling, its affinity or
 /// another name here. `name` is the name that the thread has, valid during the call. It must not call the library, and
@@ -120,6 +120,8 @@ extern "C" fn run(start: *mut c_void) -> *mut c_void {
         // SAFETY: the header asks for a callback that takes any text, with the pointer it came with.
         unsafe { function(callback.user.0, name.as_ptr()) };
     }
+    // Whatever the callback has set.
+    let _environment = FloatEnvironment::enter();
     body();
     null_mut()
 }

@@ -129,13 +129,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             "{strange} packets were refused by their tags: --key, --epoch and --tag must be as with `encode`"
         );
     }
-    println!("{} of {} packets decoded", packets.len() - failed, packets.len());
+    say!("{} of {} packets decoded", packets.len() - failed, packets.len());
     if args.filter {
         let whose = if scene.filter_weights().is_some() { "the scene's" } else { "the library's" };
-        println!("{filtered} pictures filtered, with {whose} weights");
+        say!("{filtered} pictures filtered, with {whose} weights");
     }
     if other > 0 {
-        println!("{other} renders are not the vehicle's: its device or driver rounds differently");
+        say!("{other} renders are not the vehicle's: its device or driver rounds differently");
     }
     args.device.check(&engine)?;
     anyhow::ensure!(failed == 0, "{failed} of {} packets could not be decoded", packets.len());

@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if site == Site::Basin {
         let prior = args.out.join("prior.nvsg");
         nvsprior::prior::replace_file(&prior, nvsprior_basin::PRIOR)?;
-        println!("the prior is {}", prior.display());
+        say!("the prior is {}", prior.display());
     }
     Ok(())
 }
@@ -103,7 +103,7 @@ fn draw_dives(args: &Args, site: Site, dives: &[Dive]) -> anyhow::Result<()> {
         let bar = progress(args.frames.get(), "drawing an inspection run");
         draw_dive(&args.out, camera, dive, args.frames.get(), |_| bar.inc(1))?;
         bar.finish_and_clear();
-        println!("the inspection run is in {}", args.out.join(dive.run.name()).display());
+        say!("the inspection run is in {}", args.out.join(dive.run.name()).display());
     }
     Ok(())
 }

@@ -63,12 +63,12 @@ fn check(args: &Args, scenes: u64) -> anyhow::Result<ExitCode> {
     args.device.check(&engine)?;
     Ok(match compared {
         Ok(pictures) => {
-            println!("portable: {pictures} pictures, no byte differs");
+            say!("portable: {pictures} pictures, no byte differs");
             ExitCode::SUCCESS
         }
         Err((of, difference)) => {
-            println!("NOT portable: {}", engine.device());
-            println!("{of}: {difference}");
+            say!("NOT portable: {}", engine.device());
+            say!("{of}: {difference}");
             ExitCode::FAILURE
         }
     })
@@ -103,12 +103,12 @@ fn given(engine: &Engine, views: &Views) -> anyhow::Result<Same> {
 fn list() -> anyhow::Result<()> {
     for (number, ListedDevice { info, memory, unfit }) in devices()?.iter().enumerate() {
         let (major, minor) = info.api;
-        println!("{number}: {}", info.name);
-        println!("   {}, {}, Vulkan {major}.{minor}", info.kind.name(), info.driver);
-        println!("   {} MB of memory, subgroups of {}", memory / 1_000_000, info.subgroup);
+        say!("{number}: {}", info.name);
+        say!("   {}, {}, Vulkan {major}.{minor}", info.kind.name(), info.driver);
+        say!("   {} MB of memory, subgroups of {}", memory / 1_000_000, info.subgroup);
         match unfit {
-            None => println!("   can run nvsprior"),
-            Some(why) => println!("   cannot run nvsprior: it {why}"),
+            None => say!("   can run nvsprior"),
+            Some(why) => say!("   cannot run nvsprior: it {why}"),
         }
     }
     Ok(())

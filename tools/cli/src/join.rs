@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let Joined { packets, collector, .. } = &joined;
     let complete = packets.values().filter(|(_, complete)| *complete).count();
-    println!(
+    say!(
         "{} packets, {complete} of them complete; {} frames were refused",
         packets.len(),
         collector.statistics().rejected

@@ -32,7 +32,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     text.push('\n');
     write(&args.out, text.as_bytes()).with_context(|| format!("--out {}", args.out.display()))?;
-    println!("key {id} in {}: give both sides a copy", args.out.display());
+    say!("key {id} in {}: give both sides a copy", args.out.display());
     Ok(())
 }
 

@@ -78,8 +78,6 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    // If a reader closes the pipe (`| head`), the program ends without a panic.
-    sigpipe::reset();
     if let Some(handed_over) = hand_over::to_laboratory() {
         return report(handed_over);
     }

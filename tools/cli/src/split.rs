@@ -89,6 +89,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         frames += sharer.count();
     }
-    println!("{} packets in {frames} frames of at most {mtu} bytes", packets.len());
+    say!("{} packets in {frames} frames of at most {mtu} bytes", packets.len());
     Ok(())
 }

@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let vehicle = endpoint::listen(args.from)?;
     let topside = endpoint::connect(args.to)?;
     let at = vehicle.local_addr().context("reading the port")?;
-    println!(
+    say!(
         "channel: from {at} to {}, {} bit/s, {} % lost, {} s",
         args.to,
         args.bit_rate,

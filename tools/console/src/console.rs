@@ -146,6 +146,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let (topside, published) = Topside::new(&engine, &prior, options)?;
     source.start(events.clone())?;
     let page = server.start(topside.plan_picture(), published, events)?;
-    println!("console: {} on {}", topside.source(), page);
+    say!("console: {} on {}", topside.source(), page);
     topside.run(&came)
 }

@@ -89,8 +89,15 @@ fn lenses(cameras: &[CameraRecord]) -> Result<HashMap<u32, Lens>, Wrong> {
     Ok(lenses)
 }
 
-fn views(images: Vec<ImageRecord>, lenses: &HashMap<u32, Lens>) -> Result<Vec<ColmapView>, Wrong> {
+fn views(
+    mut images: Vec<ImageRecord>,
+    lenses: &HashMap<u32, Lens>,
+) -> Result<Vec<ColmapView>, Wrong> {
     let mut names = HashSet::with_capacity(images.len());
+    for image in &mut images {
+        // As Windows writes folders.
+        image.name = image.name.replace('\\', "/");
+    }
     for image in &images {
         if !names.insert(image.name.as_str()) {
             let what = image.name.clone();

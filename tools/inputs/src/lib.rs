@@ -13,6 +13,15 @@ macro_rules! tell {
     }};
 }
 
+/// As `println`, but a full disk or a closed pipe ends no work.
+#[macro_export]
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
 pub mod args;
 pub mod camera_file;
 mod child;

@@ -70,7 +70,7 @@ impl Table {
 
     /// Prints it, columns as wide as their widest cells, numbers to the right.
     pub fn print(&self) {
-        print!("{}", self.text());
+        say!("{}", self.text().trim_end_matches('\n'));
     }
 
     fn text(&self) -> String {
@@ -138,7 +138,7 @@ pub fn between<'a>(document: &'a str, begin: &str, end: &str) -> Option<&'a str>
 
 /// Prints a line of a report: a name, and what there is to say of it.
 pub fn row(name: &str, value: String) {
-    println!("{name:14} {value}");
+    say!("{name:14} {value}");
 }
 
 #[cfg(test)]

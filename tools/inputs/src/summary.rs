@@ -80,12 +80,17 @@ pub fn write(path: &Path, rows: &[Row]) -> anyhow::Result<()> {
 }
 
 pub fn print(rows: &[Row]) {
-    println!(
+    say!(
         "{:24} {:>7} {:>9} {:>9} {:>8} {:>9}  start",
-        "frame", "bytes", "render dB", "PSNR dB", "renders", "ms"
+        "frame",
+        "bytes",
+        "render dB",
+        "PSNR dB",
+        "renders",
+        "ms"
     );
     for Row { file, stats: s, .. } in rows {
-        println!(
+        say!(
             "{file:24} {:7} {:9.2} {:9.2} {:8} {:9.1}  {}{}{}{}",
             s.bytes,
             s.render_psnr,
@@ -99,10 +104,10 @@ pub fn print(rows: &[Row]) {
         );
     }
     let [bytes, _, render, psnr, renders, ms, ..] = FIGURES.map(|(_, figure)| mean(rows, figure));
-    println!("{:24} {bytes:7.0} {render:9.2} {psnr:9.2} {renders:8.1} {ms:9.1}", "mean");
+    say!("{:24} {bytes:7.0} {render:9.2} {psnr:9.2} {renders:8.1} {ms:9.1}", "mean");
     let lost = rows.iter().filter(|row| !row.stats.certain).count();
     if lost > 0 {
-        println!(
+        say!(
             "not certain: {lost} of {} frames; their pictures do not confirm the pose",
             rows.len()
         );

@@ -11,6 +11,7 @@ use super::sent::{PacketBytes, SentPacket};
 use super::setting::Setting;
 use super::video::Coder;
 use nvsprior_inputs::report::{Table, fixed, write_json};
+use nvsprior_inputs::say;
 
 /// What the pilot sees of a camera frame.
 pub struct Moment {
@@ -347,7 +348,7 @@ pub fn print(runs: &[LinkRun]) {
 fn print_region(run: &LinkRun) {
     let loss = fixed(run.setting.loss.chance, 3);
     if let Some((inside, outside)) = run.region_psnr(0).zip(run.region_psnr(1)) {
-        println!(
+        say!(
             "loss {loss}: {inside:.2} dB where the prior does not show it, {outside:.2} dB elsewhere"
         );
     }
@@ -356,7 +357,7 @@ fn print_region(run: &LinkRun) {
 /// Says how old the newest picture is.
 fn print_age(run: &LinkRun) {
     let [mean, greatest] = run.age();
-    println!(
+    say!(
         "loss {}: the newest picture is {} s old on the mean, {} s at most",
         fixed(run.setting.loss.chance, 3),
         fixed(mean, 2),
@@ -368,7 +369,7 @@ fn print_age(run: &LinkRun) {
 fn print_keys(run: &LinkRun) {
     let Some(keys) = &run.setting.keys else { return };
     let (bytes, tag) = (run.bytes(), keys.overhead());
-    println!(
+    say!(
         "loss {}: {tag} bytes of number and tag in each modem frame, {:.1} % of the packets' bytes",
         fixed(run.setting.loss.chance, 3),
         100.0 * bytes.tags as f64 / bytes.total().max(1) as f64

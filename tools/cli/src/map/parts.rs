@@ -164,7 +164,7 @@ impl PartsRun<'_> {
         let besides = Besides { options: render, frame: None, coder_tables: None, extras: &extras };
         let bytes = container.write(splats, &besides)?;
         container.save(&args.out, &bytes)?;
-        println!("{}: {} splats, {} bytes", args.out.display(), splats.len(), bytes.len());
+        say!("{}: {} splats, {} bytes", args.out.display(), splats.len(), bytes.len());
         Ok(args.out.clone())
     }
 

@@ -145,7 +145,7 @@ impl Made<'_> {
             saved::remove(&args.out)?;
         }
         let prior = Prior::open(&args.out, &Default::default())?;
-        println!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
+        say!("{}: {} splats, {} bytes", args.out.display(), prior.len(), bytes.len());
         Ok(prior)
     }
 

@@ -48,7 +48,7 @@ impl Sides {
 
     pub fn print(&self) {
         let Some(median) = self.parallax.median() else { return };
-        println!(
+        say!(
             "parallax: {:.0} % of the site was seen from sides {TWO_SIDES:.0}° apart or more; half of it from {:.0}°",
             100.0 * self.parallax.from_two_sides(),
             median.to_degrees()
@@ -59,10 +59,12 @@ impl Sides {
             "left" | "right" => format!("to the {side} of"),
             other => other.to_owned(),
         };
-        println!(
+        say!(
             "the picture to take next: fly an arc {where_to} what was seen from one side only, around \
              ({:.2}, {:.2}, {:.2}), to ({x:.2}, {y:.2}, {z:.2})",
-            about.x, about.y, about.z
+            about.x,
+            about.y,
+            about.z
         );
     }
 

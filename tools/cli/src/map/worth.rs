@@ -45,9 +45,9 @@ impl Worth {
 
     pub fn print(&self) {
         for (place, tried) in [("on the run's track", &self.tried), ("beside it", &self.beside)] {
-            println!("poses of a dive {place}: {}", described(tried));
+            say!("poses of a dive {place}: {}", described(tried));
         }
-        println!("the rehearsal took {:.0} s", self.seconds);
+        say!("the rehearsal took {:.0} s", self.seconds);
         let far = self.all().off(0.9).is_none_or(|(most, _)| most > FAR * self.depth);
         if far || self.all().certain() < FOUND {
             tell!(

@@ -44,7 +44,9 @@ pub enum ColmapFault {
     Missing { what: &'static str },
     #[error("\"{found}\" as {what}")]
     Word { what: &'static str, found: String },
-    #[error("{count} numbers of observations; three are due for each")]
+    #[error(
+        "{count} words: neither observations, three numbers for each, nor a picture's pose and name"
+    )]
     Observations { count: usize },
     #[error("the text is not UTF-8")]
     Text,
@@ -54,7 +56,7 @@ pub enum ColmapFault {
     Twice { what: String },
     #[error(
         "camera model {model} is not read, but SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, \
-        OPENCV and OPENCV_FISHEYE are; run `colmap image_undistorter`, and use the model and \
+        OPENCV, OPENCV_FISHEYE and FULL_OPENCV are; run `colmap image_undistorter`, and use the model and \
         pictures that it writes"
     )]
     Model { model: String },

@@ -18,7 +18,7 @@ pub struct Model {
 type Parts = ([f64; 4], Distortion);
 
 /// Those that are read, by COLMAP's number for them.
-static MODELS: [Model; 6] = [
+static MODELS: [Model; 7] = [
     Model { name: "SIMPLE_PINHOLE", parameters: 3, parts: |p| simple(p, [0.0; 2]) },
     Model {
         name: "PINHOLE",
@@ -40,16 +40,22 @@ static MODELS: [Model; 6] = [
             Some((p.first_chunk().copied()?, distortion))
         },
     },
+    Model {
+        name: "FULL_OPENCV",
+        parameters: 12,
+        parts: |p| Some((p.first_chunk().copied()?, Distortion::brown(p.get(4..)?).ok()?)),
+    },
 ];
 
 /// COLMAP's names of the models that follow, to refuse them by name.
-const OTHERS: [&str; 6] = [
-    "FULL_OPENCV",
+const OTHERS: [&str; 7] = [
     "FOV",
     "SIMPLE_RADIAL_FISHEYE",
     "RADIAL_FISHEYE",
     "THIN_PRISM_FISHEYE",
     "RAD_TAN_THIN_PRISM_FISHEYE",
+    "SIMPLE_DIVISION",
+    "DIVISION",
 ];
 
 /// Parameters that begin with f, cx, cy, and two radial coefficients.

@@ -7,13 +7,19 @@ use nvsprior::geometry::{Distortion, Intrinsics};
 /// A model's files' contents: cameras, images, points3D.
 type Files = [Vec<u8>; 3];
 
-const CAMERAS: [(u32, i32, &str, &[f64]); 6] = [
+const CAMERAS: [(u32, i32, &str, &[f64]); 7] = [
     (1, 0, "SIMPLE_PINHOLE", &[600.0, 320.0, 240.5]),
     (2, 1, "PINHOLE", &[600.0, 610.0, 320.0, 240.0]),
     (3, 2, "SIMPLE_RADIAL", &[600.0, 320.0, 240.0, 0.125]),
     (7, 3, "RADIAL", &[600.0, 320.0, 240.0, 0.125, -0.0625]),
     (8, 4, "OPENCV", &[600.0, 610.0, 320.0, 240.0, 0.125, -0.0625, 0.001, -0.002]),
     (9, 5, "OPENCV_FISHEYE", &[600.0, 610.0, 320.0, 240.0, 0.02, -0.01, 0.003, -0.004]),
+    (
+        10,
+        6,
+        "FULL_OPENCV",
+        &[600.0, 610.0, 320.0, 240.0, 0.125, -0.0625, 0.001, -0.002, 0.01, 0.02, 0.03, 0.04],
+    ),
 ];
 
 /// Number, quaternion, translation, camera, name, number of observations.
@@ -126,10 +132,45 @@ fn simple_models_have_one_focal_length_and_radial_terms() {
     assert_eq!(lenses[&1].distortion(), &Distortion::None);
     assert_eq!((lenses[&1].intrinsics().fy, lenses[&1].intrinsics().cy), (600.0, 240.5));
     assert_eq!(lenses[&2].intrinsics().fy, 610.0);
+    let full = [0.125, -0.0625, 0.001, -0.002, 0.01, 0.02, 0.03, 0.04];
+    assert_eq!(lenses[&10].distortion(), &Distortion::Brown(full));
     k[0] = 0.125;
     assert_eq!(lenses[&3].distortion(), &Distortion::Brown(k));
     k[1] = -0.0625;
     assert_eq!(lenses[&7].distortion(), &Distortion::Brown(k));
+}
+
+#[test]
+fn pictures_without_observations_are_all_read() {
+    let names = |text: &str| {
+        let read = text::images(text.as_bytes())
+            .and_then(|images| views(images, &lenses(&binary::cameras(&binary_files()[0])?)?));
+        let read = read.map_err(|wrong| wrong.of(Path::new("images.txt")).to_string());
+        read.map(|views| views.into_iter().map(|view| view.name).collect::<Vec<_>>())
+    };
+    let pose = "1 0 0 0 0 0 0 1";
+    for (lines, found) in [
+        (
+            format!("1 {pose} a.png\n2 {pose} b.png\n3 {pose} c.png\n"),
+            vec!["a.png", "b.png", "c.png"],
+        ),
+        // Twelve words, a multiple of three.
+        (
+            format!("1 {pose} dive one 1.png\n2 {pose} dive one 2.png"),
+            vec!["dive one 1.png", "dive one 2.png"],
+        ),
+        (
+            format!(
+                "\u{feff}# a comment\r\n1 {pose} cam\\a.png\r\n\r\n2 {pose} b.png\r\n1 2 3\r\n"
+            ),
+            vec!["b.png", "cam/a.png"],
+        ),
+        (format!("1 {pose} a.png\n# between\n2 {pose} b.png\n\n"), vec!["a.png", "b.png"]),
+    ] {
+        assert_eq!(names(&lines).unwrap(), found, "{lines}");
+    }
+    let broken = names(&format!("1 {pose} a.png\n2 1 0 0 b.png\n")).unwrap_err();
+    assert!(broken.contains("images.txt: line 2: 5 words"), "{broken}");
 }
 
 #[test]
@@ -157,13 +198,13 @@ fn errors_name_file_and_place() {
         (binary(1, 68, &[44]), "b/two words.jpg: camera 44 is not"),
         (binary(1, 72, &[255]), "images.bin: byte 72: the text is not UTF-8"),
         (binary(2, 16, &nan), "points3D.bin: byte 8: a point whose"),
-        (text(0, "PINHOLE", "FULL_OPENCV_X"), "cameras.txt: line 2: camera model SIMPLE_FULL"),
+        (text(0, "PINHOLE", "DIVISION"), "cameras.txt: line 2: camera model SIMPLE_DIVISION"),
         (text(0, "240.5", ""), "cameras.txt: line 2: 2 camera parameters; SIMPLE_PINHOLE has 3"),
         (text(0, "\n2 PIN", "\n1 PIN"), "cameras.txt: line 3: camera 1 stands there twice"),
         (text(1, "0.5 0.5", "0.5 0.9"), "images.txt: line 3: b/two words.jpg: its quaternion"),
         (text(1, "a.png", "c.png"), "images.txt: line 7: c.png stands there twice"),
         (text(1, "a.png", ""), "images.txt: line 5: the picture has no name"),
-        (text(1, "1.5 2.5 -1 ", "1.5 2.5 "), "images.txt: line 4: 5 numbers of observations"),
+        (text(1, "1.5 2.5 -1 ", "1.5 2.5 "), "images.txt: line 4: 5 words: neither observations"),
         (text(2, "255", "256"), "points3D.txt: line 3: \"256\" as blue"),
         (text(2, " 5 17", " 5"), "points3D.txt: line 3: half of a track"),
     ] {

@@ -9,6 +9,7 @@ use super::model::{CameraRecord, ImageRecord, Model, point};
 use crate::points::Point;
 
 /// The words of a line that are not read yet.
+#[derive(Clone, Copy)]
 struct Line<'a> {
     at: FilePosition,
     rest: &'a str,
@@ -40,6 +41,12 @@ impl<'a> Line<'a> {
         Ok(floats)
     }
 
+    /// Whether it has three numbers for each observation, or none: names of pictures have other words.
+    fn is_observations(&self) -> bool {
+        let mut words = self.rest.split_whitespace();
+        self.count().is_multiple_of(3) && words.all(|word| word.parse::<f64>().is_ok())
+    }
+
     /// How many words are left.
     fn count(&self) -> usize {
         self.rest.split_whitespace().count()
@@ -48,6 +55,8 @@ impl<'a> Line<'a> {
 
 /// The lines of a text, with comments and empty ones.
 fn lines(bytes: &[u8]) -> Result<impl Iterator<Item = Line<'_>>, Wrong> {
+    // Editors of Windows begin a text with a mark.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
         let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
@@ -77,28 +86,37 @@ pub fn cameras(bytes: &[u8]) -> Result<Vec<CameraRecord>, Wrong> {
     lines(bytes)?.filter(is_record).map(camera).collect()
 }
 
-/// Two lines for each picture; the second, of its observations, may be empty.
+/// Two lines for each picture. The second, of its observations, may be empty, and is left out by some converters.
 pub fn images(bytes: &[u8]) -> Result<Vec<ImageRecord>, Wrong> {
-    let mut lines = lines(bytes)?;
+    let mut lines = lines(bytes)?.peekable();
     let mut images = Vec::new();
-    while let Some(mut line) = lines.find(is_record) {
-        let at = line.at;
-        line.value::<u32>("the picture's number")?;
-        let (quaternion, translation) = (line.floats("the pose")?, line.floats("the pose")?);
-        let camera = line.value("the camera's number")?;
-        let name = line.rest.trim().to_owned();
-        if name.is_empty() {
-            return Err(Wrong::new(at, ColmapFault::Name));
+    while let Some(line) = lines.next() {
+        if !is_record(&line) {
+            continue;
         }
-        images.push(ImageRecord { at, quaternion, translation, camera, name });
-        if let Some(observations) = lines.next() {
-            let count = observations.count();
-            if !count.is_multiple_of(3) {
-                return Err(Wrong::new(observations.at, ColmapFault::Observations { count }));
+        images.push(image(line)?);
+        match lines.peek() {
+            Some(next) if next.is_observations() => drop(lines.next()),
+            Some(next) if is_record(next) && image(*next).is_err() => {
+                let fault = ColmapFault::Observations { count: next.count() };
+                return Err(Wrong::new(next.at, fault));
             }
+            _ => {}
         }
     }
     Ok(images)
+}
+
+fn image(mut line: Line) -> Result<ImageRecord, Wrong> {
+    let at = line.at;
+    line.value::<u32>("the picture's number")?;
+    let (quaternion, translation) = (line.floats("the pose")?, line.floats("the pose")?);
+    let camera = line.value("the camera's number")?;
+    let name = line.rest.trim().to_owned();
+    if name.is_empty() {
+        return Err(Wrong::new(at, ColmapFault::Name));
+    }
+    Ok(ImageRecord { at, quaternion, translation, camera, name })
 }
 
 pub fn points(bytes: &[u8]) -> Result<Vec<Point>, Wrong> {

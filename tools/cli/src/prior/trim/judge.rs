@@ -80,7 +80,7 @@ impl<'a> Bench<'a> {
             self.container = Container::Compact(Quantisation::default().scaled(factor));
             let loss = self.loss(self.prior.splats())?;
             if loss <= room || !(factor > finest) {
-                println!("quantised in {factor} of the usual steps");
+                say!("quantised in {factor} of the usual steps");
                 return Ok(());
             }
             factor *= 0.5;
@@ -198,7 +198,7 @@ impl Judge for Bench<'_> {
         let seconds = self.since.elapsed().as_secs_f64();
         let line =
             format!("{:8} {}: {splats} splats, {lost} ({seconds:.0} s)", verdict, words(step));
-        self.bar.suspend(|| println!("{line}"));
+        self.bar.suspend(|| say!("{line}"));
         Ok(())
     }
 
