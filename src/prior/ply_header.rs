@@ -57,7 +57,7 @@ pub fn read_header(bytes: &[u8]) -> Result<(PlyHeader, usize), PriorError> {
 }
 
 /// Number of `f_rest_*` properties of a degree: `3 ((degree + 1)² − 1)`.
-pub fn rest_properties(degree: u32) -> usize {
+pub const fn rest_properties(degree: u32) -> usize {
     3 * ((degree as usize + 1).pow(2) - 1)
 }
 

@@ -1,7 +1,5 @@
 //! Which properties of a PLY file make its splats.
 
-use std::sync::OnceLock;
-
 use serde_ply::{ElementDef, PlyHeader, PropertyType, ScalarType};
 
 use super::fault::MAX_LOG_SCALE;
@@ -95,24 +93,12 @@ impl Layout {
 
     /// The properties that are read, in the order in which [`Layout::push`] takes their values.
     pub fn properties(&self) -> &'static [&'static str] {
-        /// A list for each kind of file, made when one is read.
-        static LISTS: [OnceLock<Vec<&'static str>>; 32] = [const { OnceLock::new() }; 32];
         let kind = self.sh_degree as usize * 8
             + usize::from(self.is_flat) * 4
             + usize::from(self.rgb.is_some()) * 2
             + usize::from(self.is_filtered);
-        LISTS[kind].get_or_init(|| {
-            let mut list = vec!["x", "y", "z", "scale_0", "scale_1", "scale_2"];
-            list.truncate(if self.is_flat { 5 } else { 6 });
-            list.extend(["rot_0", "rot_1", "rot_2", "rot_3", "opacity"]);
-            list.extend(match self.rgb {
-                Some(_) => ["red", "green", "blue"],
-                None => ["f_dc_0", "f_dc_1", "f_dc_2"],
-            });
-            list.extend(&REST[..rest_properties(self.sh_degree)]);
-            list.extend(self.is_filtered.then_some("filter_3D"));
-            list
-        })
+        let (list, count) = &LISTS[kind];
+        &list[..*count]
     }
 
     /// Appends a splat given by the values of [`Layout::properties`].
@@ -141,6 +127,43 @@ impl Layout {
             splats.sh.extend([0, 1, 2].map(|c| rest[c * per_channel + coefficient]));
         }
     }
+}
+
+/// The properties of each kind of file, and how many they are. The reader of rows wants names that live for ever.
+static LISTS: [([&str; MOST], usize); 32] = {
+    let mut lists = [([""; MOST], 0); 32];
+    let mut kind = 0;
+    while kind < lists.len() {
+        lists[kind] = list(kind);
+        kind += 1;
+    }
+    lists
+};
+
+/// `kind`: the degree times 8, 4 if splats are flat, 2 with `red green blue`, 1 with a filter.
+const fn list(kind: usize) -> ([&'static str; MOST], usize) {
+    const PLACE: [&str; 6] = ["x", "y", "z", "scale_0", "scale_1", "scale_2"];
+    const TURN: [&str; 5] = ["rot_0", "rot_1", "rot_2", "rot_3", "opacity"];
+    let colour =
+        if kind & 2 != 0 { ["red", "green", "blue"] } else { ["f_dc_0", "f_dc_1", "f_dc_2"] };
+    let list = append(([""; MOST], 0), &PLACE, if kind & 4 != 0 { 5 } else { 6 });
+    let list = append(append(list, &TURN, 5), &colour, 3);
+    let list = append(list, &REST, rest_properties(kind as u32 / 8));
+    append(list, &["filter_3D"], kind & 1)
+}
+
+const fn append(
+    (mut list, mut at): ([&'static str; MOST], usize),
+    names: &[&'static str],
+    count: usize,
+) -> ([&'static str; MOST], usize) {
+    let end = at + count;
+    let start = at;
+    while at < end {
+        list[at] = names[at - start];
+        at += 1;
+    }
+    (list, at)
 }
 
 /// The value of full colour: 255 if it stands in a byte, else 1.

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
-use nvsprior::packet::PoseProfile;
 use nvsprior::prior::{Extras, KeyFrames, compact, extras_file};
 use nvsprior::render::{Plan, Scene};
 use nvsprior::{Camera, Decoder, Encoder, EncoderOptions, Engine, Picture, Prior, RenderChecks};
