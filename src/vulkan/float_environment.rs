@@ -6,8 +6,9 @@
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 use std::arch::asm;
 
-/// What the thread computes in: round to nearest, keep subnormal numbers, raise no signals. Dropping it restores what was
-/// before, with the flags of the exceptions that happened before. Other processors than x86-64 and aarch64 are left alone.
+/// What the thread computes in: round to nearest, keep subnormal numbers, raise no signals. Dropping it restores what
+/// was before, with the flags of the exceptions that happened before. Other processors than x86-64 and aarch64 are left
+/// alone.
 pub struct FloatEnvironment {
     #[cfg(target_arch = "x86_64")]
     sse: u32,
