@@ -86,10 +86,8 @@ pub fn linked(
 macro_rules! guarded {
     ($class:ident, $failed:expr, |$this:ident, $pad:pat_param $(, $given:ident)*| $done:expr) => {
         |$pad, parent $(, $given)*| {
-            {
             let _environment = nvsprior::parts::FloatEnvironment::enter();
             $class::catch_panic_pad_function(parent, || $failed, |$this| $done)
-        }
         }
     };
 }

@@ -39,7 +39,7 @@ fn overrides(
 /// A prior that was read. Warns of what was left out of it.
 fn told(py: Python, prior: Prior) -> PyResult<PyPrior> {
     for note in prior.report().notes() {
-        let text = CString::new(note).unwrap_or_default();
+        let text = CString::new(note.replace('\0', "?")).unwrap_or_default();
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
     }
     Ok(PyPrior(Arc::new(prior)))

@@ -31,8 +31,8 @@ impl FloatEnvironment {
     #[cfg(target_arch = "x86_64")]
     pub fn enter() -> FloatEnvironment {
         let (mut sse, mut x87) = (0_u32, [0_u32; 7]);
-        // SAFETY: the instructions write the two places, of the sizes that they write, and set control registers. No
-        // x87 register is in use where a function is called.
+        // SAFETY: the instructions write the two places, of the sizes that they write, and set control registers. At a
+        // call no x87 register holds a value.
         unsafe {
             asm!("stmxcsr [{0}]", "fnstenv [{1}]", "fninit", "ldmxcsr [{2}]", in(reg) &raw mut sse,
                 in(reg) &raw mut x87, in(reg) &MXCSR, options(nostack));

@@ -1,11 +1,11 @@
-//! What is done with each field of each format: the table in docs/format/prior.md.
+//! Whether docs/format/prior.md says what is done with each field of each format.
 
 use nvsprior::prior::{Field, FieldUse, ply};
 
 use crate::{gltf, sog, spz};
 
 /// Each format, and what is done with its fields.
-pub const FIELDS: [(&str, &[Field]); 5] = [
+const FIELDS: [(&str, &[Field]); 5] = [
     ("PLY, properties", &ply::FIELDS),
     ("SPZ, extensions", &spz::FIELDS),
     ("SOG, `meta.json`", &sog::FIELDS),
@@ -14,7 +14,7 @@ pub const FIELDS: [(&str, &[Field]); 5] = [
 ];
 
 /// The table, in Markdown.
-pub fn table() -> String {
+fn table() -> String {
     let names = |fields: &[Field], wanted: FieldUse| {
         let names = fields.iter().filter(|(_, used)| *used == wanted);
         names.map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(" ")
@@ -28,23 +28,18 @@ pub fn table() -> String {
     table
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// `RENEW=1` writes it.
-    #[test]
-    fn the_document_has_this_table() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/format/prior.md");
-        let text = std::fs::read_to_string(path).unwrap();
-        let (before, rest) = text.split_once("<!-- fields").unwrap();
-        let (mark, rest) = rest.split_once("-->\n").unwrap();
-        let (found, after) = rest.split_once("<!-- end of fields").unwrap();
-        if std::env::var_os("RENEW").is_some() {
-            let new = format!("{before}<!-- fields{mark}-->\n{}<!-- end of fields{after}", table());
-            std::fs::write(path, new).unwrap();
-            return;
-        }
-        assert_eq!(found, table(), "RENEW=1 writes it");
+/// `RENEW=1` writes it.
+#[test]
+fn the_document_has_this_table() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/format/prior.md");
+    let text = std::fs::read_to_string(path).unwrap();
+    let (before, rest) = text.split_once("<!-- fields").unwrap();
+    let (mark, rest) = rest.split_once("-->\n").unwrap();
+    let (found, after) = rest.split_once("<!-- end of fields").unwrap();
+    if std::env::var_os("RENEW").is_some() {
+        let new = format!("{before}<!-- fields{mark}-->\n{}<!-- end of fields{after}", table());
+        std::fs::write(path, new).unwrap();
+        return;
     }
+    assert_eq!(found, table(), "RENEW=1 writes it");
 }

@@ -4,6 +4,7 @@
 //! `nvsprior import` makes a file of ours of them, which then holds all that belongs to the prior.
 
 mod compressed_ply;
+#[cfg(test)]
 mod fields;
 mod gltf;
 mod sh_rotation;
@@ -16,8 +17,6 @@ use std::path::Path;
 
 use nvsprior::prior::{PriorError, PriorFile};
 use nvsprior::{Prior, RenderOverrides};
-
-pub use fields::{FIELDS, table};
 
 type Reader = fn(&[u8]) -> Result<PriorFile, PriorError>;
 

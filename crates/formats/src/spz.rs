@@ -131,8 +131,8 @@ impl Header {
         }
         let flags = self.flags & !(ANTIALIASED | EXTENSIONS);
         let bits = (0..8).filter(|bit| flags >> bit & 1 != 0).map(|bit| bit.to_string());
-        let mut warnings = passed_over("SPZ extension", names.iter().map(String::as_str), &FIELDS);
         let bits: Vec<String> = bits.collect();
+        let mut warnings = passed_over("SPZ extension", names.iter().map(String::as_str), &FIELDS);
         warnings.extend(passed_over("SPZ flag", bits.iter().map(String::as_str), &[]));
         Ok((axes, warnings))
     }

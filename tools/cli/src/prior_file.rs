@@ -8,6 +8,7 @@ use nvsprior::prior::{
     Besides, Extras, PriorFormat, compact, extras_file, replace_file, with_coder_tables,
     with_extras,
 };
+use nvsprior_inputs::args::tell_notes;
 use nvsprior_inputs::values;
 
 /// The file, and what is in it.
@@ -33,6 +34,7 @@ impl PriorFile {
                 own
             }
         };
+        tell_notes(path, &prior);
         let file = PriorFile { path: path.to_owned(), bytes, prior, out: out.map(Path::to_owned) };
         if let Some(out) = out {
             file.check_ending(out)?;

@@ -91,11 +91,11 @@ impl Coder<'_> {
             let stats = &encoded.stats;
             let (bytes, psnr) = (stats.bytes, stats.psnr);
             let (milliseconds, renders) = (stats.milliseconds, stats.full_renders);
-            println!("  frame {}: {bytes} bytes, {psnr:.1} dB", index + 1);
+            say!("  frame {}: {bytes} bytes, {psnr:.1} dB", index + 1);
             if index == 0 {
                 let camera = run.join(run.file_name().unwrap_or_default()).join(&frame.name);
-                println!("    {}: what the camera saw", camera.display());
-                println!("    {}: what the topside shows", shown.display());
+                say!("    {}: what the camera saw", camera.display());
+                say!("    {}: what the topside shows", shown.display());
             }
             coded.figures.push(Figures { bytes, psnr, milliseconds, renders });
             coded.pictures.push(SheetRow {

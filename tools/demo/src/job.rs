@@ -34,12 +34,12 @@ pub fn run(job: &Job, engine: &Engine) -> anyhow::Result<()> {
     let mut tables = Vec::new();
     for dive in &job.dives {
         let of_run = job.tables(dive, &mut coder)?;
-        of_run.iter().for_each(|table| println!("\n{table}"));
+        of_run.iter().for_each(|table| say!("\n{table}"));
         tables.extend(of_run);
     }
     coder.topside.end()?;
     table::write(&job.out, &tables)?;
-    println!("\nprior, runs, packets, pictures and contact sheets are in {}", job.out.display());
+    say!("\nprior, runs, packets, pictures and contact sheets are in {}", job.out.display());
     Ok(())
 }
 
@@ -60,7 +60,7 @@ pub fn draw_dive(
 impl Job {
     fn tables(&self, dive: &Dive, coder: &mut Coder) -> anyhow::Result<Vec<Table>> {
         let name = dive.run.name();
-        println!("\n{name}: {} frames are drawn and encoded", self.frames);
+        say!("\n{name}: {} frames are drawn and encoded", self.frames);
         let mut frames = Vec::new();
         draw_dive(&self.out, self.camera, dive, self.frames, |frame| frames.push(frame.clone()))?;
         let folder = self.out.join(name);
@@ -72,7 +72,7 @@ impl Job {
         if part == 0 {
             return Ok(vec![all]);
         }
-        println!("{name}: {part} of them by BFGS, as in the paper: it takes seconds for each");
+        say!("{name}: {part} of them by BFGS, as in the paper: it takes seconds for each");
         let (frames, figures) = (&frames[..part], &figures[..part]);
         let psnr = TableRow::mean_of("", figures).psnr;
         let bfgs = coder.code(&folder, frames, System::Papers, Rate::Psnr(psnr))?.figures;

@@ -3,6 +3,9 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
+#[macro_use]
+extern crate nvsprior_runs;
+
 mod coding;
 mod job;
 pub mod prior;

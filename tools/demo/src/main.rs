@@ -8,6 +8,7 @@ use nvsprior::Engine;
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior_basin::{CAMERA, Dive, Run};
 use nvsprior_demo::{Job, run, topside};
+use nvsprior_runs::say;
 
 const USAGE: &str =
     "usage: nvsprior-demo [--out DIR] [--frames N] [--bfgs-frames N] [--device NAME]
@@ -21,7 +22,7 @@ fn main() -> ExitCode {
     let done = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         [topside::TOPSIDE, prior] => topside::serve(Path::new(prior)),
         ["--help"] => {
-            println!("{USAGE}");
+            say!("{USAGE}");
             return ExitCode::SUCCESS;
         }
         _ => match wanted(&arguments) {

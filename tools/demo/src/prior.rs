@@ -28,6 +28,6 @@ pub fn write(path: &Path, camera: &Camera) -> anyhow::Result<Prior> {
     let beside = extras_file::to_bytes(&extras, written.id(), written.len());
     replace_file(&extras_file::path_beside(path), &beside)?;
     let prior = Prior::open(path, &Default::default())?;
-    println!("prior: {} splats and {} key frames", prior.len(), prior.key_frames().len());
+    say!("prior: {} splats and {} key frames", prior.len(), prior.key_frames().len());
     Ok(prior)
 }

@@ -73,7 +73,7 @@ pub fn serve(prior: &Path) -> anyhow::Result<()> {
             picture = decoder.decode(&bytes).with_context(|| packet.clone())?.picture;
         }
         write_png(Path::new(&shown), &picture)?;
-        println!("shown");
+        writeln!(std::io::stdout(), "shown")?;
     }
     Ok(())
 }

@@ -99,10 +99,15 @@ impl DeviceArgs {
 /// Reads a prior, saying what was left out of it.
 pub fn open_prior(path: &Path, overrides: &OverrideArgs) -> anyhow::Result<Prior> {
     let prior = nvsprior_formats::open(path, &overrides.overrides())?;
+    tell_notes(path, &prior);
+    Ok(prior)
+}
+
+/// Says what was left out of a prior that was read.
+pub fn tell_notes(path: &Path, prior: &Prior) {
     for note in prior.report().notes() {
         tell!("{}: {note}", path.display());
     }
-    Ok(prior)
 }
 
 impl PriorArgs {

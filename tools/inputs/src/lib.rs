@@ -4,23 +4,10 @@
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
 
-/// As `eprintln`, but a log on a full disk ends no program.
-#[macro_export]
-macro_rules! tell {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($text)*);
-    }};
-}
+#[macro_use]
+extern crate nvsprior_runs;
 
-/// As `println`, but a full disk or a closed pipe ends no work.
-#[macro_export]
-macro_rules! say {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
-    }};
-}
+pub use nvsprior_runs::{say, tell};
 
 pub mod args;
 pub mod camera_file;

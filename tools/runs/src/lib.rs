@@ -1,7 +1,25 @@
-//! Runs on disk: pictures as PNG files, the camera file beside them, and contact sheets.
+//! Runs on disk: pictures as PNG files, the camera file beside them, and contact sheets. And lines for the screen.
 
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
+
+/// As `eprintln`, but a log on a full disk ends no program.
+#[macro_export]
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
+/// As `println`, but a full disk or a closed pipe ends no work.
+#[macro_export]
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
 
 mod contact;
 mod png_file;

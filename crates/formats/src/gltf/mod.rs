@@ -28,6 +28,7 @@ use nvsprior::prior::{PriorError, PriorFile, PriorFormat, PriorWarning, Splats};
 use nvsprior::{Prior, RenderOptions};
 
 pub use container::MAGIC;
+#[cfg(test)]
 pub use document::{ATTRIBUTES, FIELDS};
 
 const FORMAT: PriorFormat = PriorFormat::Foreign("glTF, binary", None);

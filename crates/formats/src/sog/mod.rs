@@ -19,6 +19,7 @@ use nvsprior::prior::{PriorError, PriorFile, PriorFormat, Splats};
 use nvsprior::{Prior, RenderOptions};
 
 pub use archive::MAGIC;
+#[cfg(test)]
 pub use meta::FIELDS;
 
 const FORMAT: PriorFormat = PriorFormat::Foreign("SOG", Some(2));

@@ -17,6 +17,6 @@ pub struct PosedInput {
     pub pose: Pose,
     /// Which part of the pictures it belongs to, if that is known: `train`, `test`.
     pub split: Option<String>,
-    /// A picture of the same shape that is white where the picture counts; all counts without one.
+    /// A picture of the same shape: its white pixels count. If there is none, all count.
     pub mask: Option<PathBuf>,
 }
