@@ -156,7 +156,7 @@ test:
 # They have `test = false` in Cargo.toml.
 long-test:
 	@scripts/setup.sh run test
-	cargo test $(ALL) --test capi --test long
+	cargo test $(ALL) --test capi --test long --test mapper --test trainer
 
 conformance:
 	@scripts/setup.sh conformance

@@ -23,8 +23,8 @@ step "map it" nvsprior map "$out/quay.mp4" --out "$out/quay.nvsg" --report "$out
 step "draw a dive's video" nvsprior-lab draw --video "$out/dive.mp4" --later --seconds 12 --fps 2
 step "encode the dive" nvsprior encode --prior "$out/quay.nvsg" --cameras "$out/quay.nvsg.colmap" \
     --video "$out/dive.mp4" --starts none --psnr 33 --packets "$out/packets" --summary "$out/encode.json" \
-    --pictures "$out/vehicle"
-step "decode it" nvsprior decode --prior "$out/quay.nvsg" --packets "$out/packets" --pictures "$out/topside"
+    --pictures "$out/vehicle" --overwrite
+step "decode it" nvsprior decode --prior "$out/quay.nvsg" --packets "$out/packets" --pictures "$out/topside" --overwrite
 same=0
 for frame in "$out"/topside/*.png; do
     cmp -s "$frame" "$out/vehicle/$(basename "$frame")" || { echo "$frame differs" >&2; exit 1; }

@@ -53,14 +53,19 @@ build all-static "$static -Wl,--gc-sections $(echo "$roots" | tr '\n' ' ')"
 
 # A static glibc loads no drivers: refused when linked, with the reason.
 for mode in -static -static-pie; do
-    # shellcheck disable=SC2046
-    if "$cc" $mode tests/package/device.c -o "$work/refused" $(pc --cflags) "$lib/libnvsprior.a" \
-        -lgcc_eh -lpthread -ldl -lm 2> "$work/log"; then
+    # shellcheck disable=SC2086
+    if "$cc" $mode tests/package/device.c -o "$work/refused" $static 2> "$work/log"; then
         fail "linked with $mode against glibc"
     fi
     grep -q 'libnvsprior.a loads Vulkan drivers' "$work/log" ||
         { cat "$work/log" >&2; fail "$mode against glibc fails for another reason"; }
 done
+
+# A folder with blanks: what pkg-config prints is quoted for the shell.
+mkdir "$work/with blanks"
+cp -r "$work/moved" "$work/with blanks/moved"
+flags=$(PKG_CONFIG_LIBDIR="$work/with blanks/moved/lib/pkgconfig" pkg-config --define-prefix --cflags --libs nvsprior)
+eval "$cc tests/package/device.c -o '$work/by-pc-blanks' $flags"
 
 # By CMake.
 cross=""

@@ -64,7 +64,7 @@ MODES = {
 def at_levels(name, inputs, levels=(31, 32, 33), more=""):
     """Encodes at several PSNRs: OUT/NAME-LEVEL.json."""
     return (f"for psnr in {' '.join(map(str, levels))}; do {NVSPRIOR} encode {inputs} {more} --psnr $psnr --packets "
-            f"OUT/packets --summary OUT/{name}-$psnr.json; done")
+            f"OUT/packets --overwrite --summary OUT/{name}-$psnr.json; done")
 
 
 def modes(run, inputs, names=("intra", "chain", "layers")):
@@ -85,10 +85,10 @@ ALL = [
                 readers.exact_of_demo, quick=True),
     Measurement("reef", ["reef"], [
         f"{LAB} bench --prior REEF/prior.ply {REEF} --report OUT/bench",
-        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets "
+        f"{NVSPRIOR} encode --prior REEF/prior.ply {REEF} --quality 10 --packets OUT/packets --overwrite "
         "--summary OUT/wavelet.json",
         f"{LAB} paper encode --prior REEF/prior.ply {REEF} --quality 10 --optimizer gauss-newton --packets OUT/webp "
-        "--summary OUT/webp.json",
+        "--overwrite --summary OUT/webp.json",
     ], readers.reef, readers.exact_of_reef),
     *[Measurement(run.lower(), ["demo"], demo_bench(run), readers.bench, readers.exact_of_bench)
       for run in ("T1", "T2")],

@@ -14,6 +14,8 @@ pub enum PriorError {
     Write(#[source] std::io::Error),
     #[error("neither a PLY file nor another format of priors known here")]
     UnknownFormat,
+    #[error("{0}")]
+    Foreigner(&'static str),
     #[error("PLY header: {reason}")]
     Header { reason: String },
     #[error("no element \"vertex\" in the PLY header")]

@@ -24,14 +24,55 @@ fn reader_of(start: &[u8]) -> Option<Reader> {
     format.map(|(_, reader)| *reader)
 }
 
-/// Reads a file's content. The first bytes tell the format.
-pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
-    // What is of no format is refused as a PLY file is.
-    reader_of(bytes).unwrap_or(ply::read_ply)(bytes)
+/// What people give for a scene, how it starts, and what to do.
+const FOREIGNERS: [(&[u8], &str); 5] = [
+    (
+        b"version https://git-lfs",
+        "a pointer of Git LFS, not the scene itself: `git lfs pull` fetches it",
+    ),
+    (b"<!do", "a web page: the download gave no scene"),
+    (b"<htm", "a web page: the download gave no scene"),
+    (b"<?xm", "XML, not a scene"),
+    (b"PK\x03\x04", "a ZIP archive: unpack it; of a .sog `nvsprior import` makes a prior"),
+];
+
+/// Scenes of which the ending alone tells the kind.
+const ENDINGS: [(&str, &str); 2] = [
+    (
+        "splat",
+        "a .splat, which has neither spherical harmonics nor render options: export the scene as .ply",
+    ),
+    ("ksplat", "a .ksplat, which is not read: export the scene as .ply"),
+];
+
+/// Why a file of no known format is refused.
+fn unknown(start: &[u8]) -> PriorError {
+    let is = |(magic, _): &&(&[u8], &str)| {
+        start.get(..magic.len()).is_some_and(|own| own.eq_ignore_ascii_case(magic))
+    };
+    FOREIGNERS
+        .iter()
+        .find(is)
+        .map_or(PriorError::UnknownFormat, |(_, what)| PriorError::Foreigner(what))
 }
 
-/// Longest start of a file that tells its format, bytes.
-const LONGEST_MAGIC: u64 = 4;
+/// A refusal with what the file's name tells.
+pub(super) fn refusal(error: PriorError, path: &Path) -> PriorError {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    let known = ENDINGS.iter().find(|(own, _)| own.eq_ignore_ascii_case(ending));
+    match (error, known) {
+        (PriorError::UnknownFormat, Some((_, what))) => PriorError::Foreigner(what),
+        (error, _) => error,
+    }
+}
+
+/// Reads a file's content. The first bytes tell the format.
+pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
+    reader_of(bytes).ok_or_else(|| unknown(bytes))?(bytes)
+}
+
+/// Longest start of a file that tells what it is, bytes.
+const LONGEST_MAGIC: u64 = 23;
 
 /// Reads the file. If its first bytes show another format, reads no further, so that a wrong path
 /// (a device, a video) costs neither time nor memory.
@@ -43,4 +84,31 @@ pub(super) fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
         file.read_to_end(&mut bytes)?;
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Prior, RenderOverrides};
+
+    #[test]
+    fn what_people_give_for_a_scene_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, content, told) in [
+            (
+                "a.ply",
+                "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 5\n",
+                "git lfs pull",
+            ),
+            ("b.ply", "<!DOCTYPE html><html></html>", "a web page"),
+            ("c.splat", "0123456789012345678901234567890123456789", "a .splat"),
+            ("d.ksplat", "\0\0\0\0", "a .ksplat"),
+            ("e.bin", "0123", "neither a PLY file"),
+            ("f", "", "neither a PLY file"),
+        ] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            let error = Prior::open(&path, &RenderOverrides::default()).unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains(told), "{error}");
+        }
+    }
 }

@@ -9,6 +9,7 @@ mod claims;
 pub mod compact;
 mod container;
 mod coordinate_frame;
+mod cut_view;
 mod error;
 mod extras;
 pub mod extras_file;

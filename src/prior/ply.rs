@@ -22,6 +22,7 @@
 //! `nvsprior clahe 2 8`, clip limit and tiles along a side. Any other comment that starts with
 //! `nvsprior` is refused.
 
+use std::borrow::Cow;
 use std::io::{BufRead, Cursor, Read, Write};
 
 use serde::de::{DeserializeSeed, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
@@ -30,7 +31,7 @@ use serde_ply::{PlyFormat, PlyReader};
 use super::key_frames::words;
 use super::ply_header::{
     CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length, clean,
-    read_header, rest_properties,
+    header_of, read_header, rest_properties,
 };
 use super::ply_layout::{Layout, REST};
 use super::ply_row::PlyRow;
@@ -67,6 +68,10 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
 }
 
 fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splats, PriorError> {
+    let bytes = &match format {
+        PlyFormat::Ascii => common_numbers(bytes),
+        _ => Cow::Borrowed(bytes),
+    }[..];
     let mut cursor = Cursor::new(bytes);
     // The reader needs white space after every number of a text, also after the last one.
     let tail: &[u8] = if format == PlyFormat::Ascii { b"\n" } else { b"" };
@@ -82,6 +87,29 @@ fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splat
         reason: e.0.to_string(),
     })?;
     Ok(sink.splats)
+}
+
+/// A text whose numbers are written as every reader knows them: Microsoft's compilers print `-nan(ind)` and `1.#QNAN`.
+/// Splats of such numbers are dropped by the usual rule. The length stays, for the offsets in errors.
+fn common_numbers(text: &[u8]) -> Cow<'_, [u8]> {
+    const STRANGE: [(&[u8], &[u8]); 4] =
+        [(b"nan(", b"nan"), (b"-1.#inf", b"-inf"), (b"1.#inf", b"inf"), (b".#", b"nan")];
+    let is = |word: &[u8], part: &[u8]| {
+        word.windows(part.len()).any(|window| window.eq_ignore_ascii_case(part))
+    };
+    if !STRANGE.iter().any(|(part, _)| is(text, part)) {
+        return Cow::Borrowed(text);
+    }
+    let body = header_of(text).len();
+    let mut common = text.to_vec();
+    for word in common[body..].split_mut(u8::is_ascii_whitespace) {
+        if let Some((_, number)) = STRANGE.iter().find(|(part, _)| is(word, part)) {
+            let (front, rest) = word.split_at_mut(number.len().min(word.len()));
+            front.copy_from_slice(&number[..front.len()]);
+            rest.fill(b' ');
+        }
+    }
+    Cow::Owned(common)
 }
 
 /// Passes over the elements before the splats, then reads those into `sink`.

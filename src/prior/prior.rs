@@ -61,7 +61,7 @@ impl Prior {
         bytes: Vec<u8>,
         overrides: &RenderOverrides,
     ) -> Result<Prior, PriorError> {
-        let named = |error: PriorError| error.in_file(&path.display().to_string());
+        let named = |error| file::refusal(error, path).in_file(&path.display().to_string());
         let content = file::read(&bytes).map_err(named)?;
         drop(bytes);
         Prior::from_file_content(path, content, overrides)

@@ -12,7 +12,7 @@
 
 use std::io::Read;
 
-use flate2::read::GzDecoder;
+use flate2::read::MultiGzDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
 use nvsprior::prior::{
@@ -263,7 +263,7 @@ fn rotation(bytes: &[u8]) -> [f32; 4] {
 
 /// Versions 2 and 3: header, streams and extensions from gzip.
 fn inflate(bytes: &[u8]) -> Result<(Header, Vec<u8>, Vec<u8>), PriorError> {
-    let mut decoder = GzDecoder::new(bytes);
+    let mut decoder = MultiGzDecoder::new(bytes);
     let mut first = [0; HEADER];
     let broken = |e: std::io::Error| refusal(0, format!("gzip: {e}"));
     decoder.read_exact(&mut first).map_err(broken)?;

@@ -426,3 +426,20 @@ fn a_small_scene_has_a_near_plane_of_its_size() {
     assert_eq!(near(0.001, "comment by Nerfstudio\n", none), 0.01, "a trainer's");
     assert_eq!(near(0.001, "", RenderOverrides { near: Some(0.1), ..none }), 0.1);
 }
+
+/// As Microsoft's compilers print them.
+#[test]
+fn strange_numbers_of_a_text_drop_their_splats_alone() {
+    let row = |first: &str| format!("{first} 2 3 4 5 6 7 8 9 10 11 12 13 14\n");
+    let rows: String =
+        ["1", "-nan(ind)", "1.#QNAN", "-1.#IND", "nan(snan)", "-1.#INF"].map(row).concat();
+    let mut properties = SHUFFLED;
+    properties.rotate_left(5); // z comes first
+    let text = format!("{}{rows}", header("ascii", 6, &properties));
+    let prior = Prior::from_bytes(text.as_bytes(), "a.ply", &RenderOverrides::default()).unwrap();
+    assert_eq!((prior.splats().len(), prior.report().read), (1, 6));
+    let mut opacity_first = header("ascii", 1, &SHUFFLED);
+    opacity_first.push_str(&row("1.#INF"));
+    let read = read_ply(opacity_first.as_bytes()).unwrap();
+    assert_eq!(read.splats.opacity_logits, [f32::INFINITY]);
+}

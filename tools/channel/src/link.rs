@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 use nvsprior::image::Preprocessor;
 use nvsprior::{Mode, Picture};
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
+use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, progress, with_progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
@@ -23,6 +23,7 @@ use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::keys::Keys;
 use nvsprior_link::modem::{Loss, MIN_MTU};
 use nvsprior_link::{LinkError, TopsideLink, VehicleLink};
+use nvsprior_runs::{FrameFolder, FrameFolderError, FrameKind, PictureMark};
 
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
@@ -59,6 +60,8 @@ pub struct Args {
     /// Folder for what the pilot sees of each frame, at the first --loss: NUMBER.png
     #[arg(long, alias = "frames-out", value_name = "DIR")]
     pictures: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Camera frames per second
     #[arg(long, value_name = "N", default_value_t = 15.0, value_parser = values::rate)]
     fps: f64,
@@ -239,6 +242,13 @@ impl LinkArgs {
 }
 
 impl Args {
+    fn open_pictures(&self) -> Result<Option<FrameFolder>, FrameFolderError> {
+        let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+        let overwrite = self.overwrite.overwrite;
+        let open = |folder| FrameFolder::open("--pictures", folder, kind, overwrite);
+        self.pictures.as_deref().map(open).transpose()
+    }
+
     /// One setting for each loss.
     fn settings(
         &self,
@@ -279,9 +289,7 @@ pub fn run(args: &Args, lab: &LabArgs) -> anyhow::Result<()> {
     let settings = args.settings(mode, keys.as_ref(), lab)?;
     lab.beside.iter().try_for_each(|coder| coder.check())?;
     values::make_folder("--report", &args.report)?;
-    if let Some(folder) = &args.pictures {
-        values::make_folder("--pictures", folder)?;
-    }
+    let mut pictures = args.open_pictures()?;
     let inputs = args.input.frames()?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
@@ -299,10 +307,11 @@ pub fn run(args: &Args, lab: &LabArgs) -> anyhow::Result<()> {
     let mut runs: Vec<LinkRun> = Vec::new();
     for setting in settings {
         let mut simulation = Simulation::new(&engine, &scene, &footage, setting, args.threshold)?;
-        simulation.frames_out = args.pictures.as_deref().filter(|_| runs.is_empty());
+        simulation.frames_out = pictures.as_mut().filter(|_| runs.is_empty());
         runs.push(simulation.run(frames, || bar.inc(1))?);
     }
     bar.finish_and_clear();
+    pictures.as_mut().map_or(Ok(()), FrameFolder::finish)?;
     let shown: Vec<_> = (0..frames).map(|frame| footage.picture(frame)).collect();
     for coder in &lab.beside {
         compare(*coder, &shown, args.fps, &mut runs)?;

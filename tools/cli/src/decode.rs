@@ -13,12 +13,13 @@ use nvsprior_link::keys::Refusal;
 
 use crate::keyed_files::FileReader;
 use doubt::DoubtFolder;
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, SizeArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, SizeArgs, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
 use nvsprior_inputs::values;
-use truth::TruthArgs;
+use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use truth::{TruthArgs, TruthFolders};
 
 /// Decode packets to pictures, with the prior alone
 ///
@@ -32,9 +33,11 @@ pub struct Args {
     /// Folder with the packets, NAME.nvsp
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
-    /// Folder for the pictures; made if it is missing
+    /// Folder for the pictures; made if it is missing, refused if it holds pictures
     #[arg(long, alias = "frames", value_name = "DIR")]
     pictures: PathBuf,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     #[command(flatten)]
     truth: TruthArgs,
     /// Folder for what is known of each picture if it is memory, NAME.png: grey, a pixel for a block of 16×16. 0: the
@@ -67,8 +70,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let keys = args.key.open()?;
     let packets = values::files(&args.packets, "nvsp", "packets")?;
-    values::make_folder("--pictures", &args.pictures)?;
-    args.truth.check()?;
+    let mut outputs = Outputs::open(args)?;
     if let Some(file) = &args.track {
         values::check_file("--track", file)?;
     }
@@ -86,17 +88,17 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 .with_context(|| format!("{}: {}", path.display(), view.name))?;
         }
     }
-    let folder = args.doubt.as_deref();
-    let folder = folder.map(|folder| DoubtFolder::new(folder, &engine, &args.prior));
-    let mut doubt = folder.transpose()?;
+    if let Some(folder) = &args.doubt {
+        let overwrite = args.overwrite.overwrite;
+        outputs.doubt = Some(DoubtFolder::new(folder, overwrite, &engine, &args.prior)?);
+    }
     let mut track = args.track.as_deref().map(TrackFile::of_packets).transpose()?;
     let bar = progress(packets.len(), "decoding");
     let (mut failed, mut foreign, mut other, mut filtered) = (0, 0, 0, 0);
     let mut strange = 0;
     for path in &packets {
         let read = reader.read(path);
-        let decoded =
-            read.and_then(|packet| decode(&mut decoder, doubt.as_mut(), (path, &packet), args));
+        let decoded = read.and_then(|packet| outputs.decode(&mut decoder, (path, &packet), args));
         match decoded {
             Ok(decoded) => {
                 if let Some(track) = &mut track {
@@ -118,6 +120,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
+    outputs.finish()?;
     if failed > NAMED {
         tell!("and {} more", failed - NAMED);
     }
@@ -165,24 +168,46 @@ fn if_foreign(scene: &Scene) -> String {
     )
 }
 
-fn decode(
-    decoder: &mut Decoder,
-    doubt: Option<&mut DoubtFolder>,
-    (path, packet): (&Path, &[u8]),
-    args: &Args,
-) -> anyhow::Result<Decoded> {
-    let trust = if args.joined { Trust::Start } else { Trust::Whole };
-    let mut decoded = Decoded::default();
-    decoder.decode_into(packet, trust, &mut decoded)?;
-    if let Some(damage) = &decoded.damage {
-        tell!("{}: {damage}; the render alone is written", path.display());
+/// The folders that are written to.
+struct Outputs {
+    pictures: FrameFolder,
+    truth: TruthFolders,
+    doubt: Option<DoubtFolder>,
+}
+
+impl Outputs {
+    fn open(args: &Args) -> anyhow::Result<Outputs> {
+        let overwrite = args.overwrite.overwrite;
+        let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+        let pictures = FrameFolder::open("--pictures", &args.pictures, kind, overwrite)?;
+        Ok(Outputs { pictures, truth: args.truth.open(overwrite)?, doubt: None })
     }
-    let name = path.with_extension("png");
-    let name = Path::new(name.file_name().context("a packet without a name")?);
-    nvsprior_runs::write_png(&args.pictures.join(name), &decoded.picture)?;
-    args.truth.write(name, &decoded.picture, &decoded.truth)?;
-    if let Some(doubt) = doubt {
-        doubt.write(name, decoder, &decoded.pose)?;
+
+    /// Decodes a packet, and writes what is asked for.
+    fn decode(
+        &mut self,
+        decoder: &mut Decoder,
+        (path, packet): (&Path, &[u8]),
+        args: &Args,
+    ) -> anyhow::Result<Decoded> {
+        let trust = if args.joined { Trust::Start } else { Trust::Whole };
+        let mut decoded = Decoded::default();
+        decoder.decode_into(packet, trust, &mut decoded)?;
+        if let Some(damage) = &decoded.damage {
+            tell!("{}: {damage}; the render alone is written", path.display());
+        }
+        let name = path.file_stem().context("a packet without a name")?.to_string_lossy();
+        self.pictures.write_picture(&name, &decoded.picture)?;
+        self.truth.write(&name, &decoded.picture, &decoded.truth)?;
+        if let Some(doubt) = &mut self.doubt {
+            doubt.write(&name, decoder, &decoded.pose)?;
+        }
+        Ok(decoded)
     }
-    Ok(decoded)
+
+    fn finish(&mut self) -> anyhow::Result<()> {
+        self.pictures.finish()?;
+        self.truth.finish()?;
+        self.doubt.as_mut().map_or(Ok(()), DoubtFolder::finish)
+    }
 }

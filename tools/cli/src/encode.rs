@@ -5,15 +5,14 @@ mod frames;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Context;
 use nvsprior::residual::Interest;
-use nvsprior::{Camera, Encoder, EncoderOptions, Mode, Picture, Rate, RenderChecks};
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Mode, Picture, Rate, RenderChecks};
+use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, progress};
 use nvsprior_inputs::input::{Input, InputArgs};
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::mode::ModeArgs;
 use nvsprior_inputs::tune::TuneArgs;
-use nvsprior_inputs::values::{self, OutputError};
+use nvsprior_inputs::values;
 use nvsprior_inputs::video_input::VideoInputArgs;
 use nvsprior_link::keys::Keys;
 
@@ -21,7 +20,7 @@ use crate::keyed_files::FileTags;
 use frames::Frames;
 use nvsprior_inputs::summary::{self, Row};
 use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
-use nvsprior_runs::{SheetRow, write_contact_sheet};
+use nvsprior_runs::{FrameFolder, FrameKind, PictureMark, SheetRow, write_contact_sheet};
 
 /// Encode the frames of a camera file, or of a video, to packets
 ///
@@ -55,7 +54,7 @@ pub struct Args {
     interest: InterestArgs,
     #[command(flatten)]
     key: KeyArgs,
-    /// Folder for the packets, NAME.nvsp; made if it is missing
+    /// Folder for the packets, NAME.nvsp; made if it is missing, refused if it holds packets
     #[arg(long, value_name = "DIR")]
     packets: PathBuf,
     /// Summary to write (JSON)
@@ -68,6 +67,8 @@ pub struct Args {
     /// Folder for the reconstructed pictures (PNG), as the topside will see them
     #[arg(long, alias = "frames-out", value_name = "DIR")]
     pictures: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Contact sheet to write (PNG): camera | render | difference | reconstruction
     #[arg(long, value_name = "FILE", value_parser = values::png)]
     sheet: Option<PathBuf>,
@@ -178,12 +179,18 @@ impl RateArgs {
     }
 }
 
+/// What the command writes.
+struct Outputs {
+    packets: FrameFolder,
+    pictures: Option<FrameFolder>,
+    track: Option<TrackFile>,
+    sheet: Vec<SheetRow>,
+}
+
 /// Makes the folders, and finds out before any work whether the files can be written.
-fn check_outputs(args: &Args) -> Result<(), OutputError> {
-    values::make_folder("--packets", &args.packets)?;
-    if let Some(folder) = &args.pictures {
-        values::make_folder("--pictures", folder)?;
-    }
+fn outputs(args: &Args) -> anyhow::Result<Outputs> {
+    let open =
+        |option, folder, kind| FrameFolder::open(option, folder, kind, args.overwrite.overwrite);
     if let Some(file) = &args.summary {
         values::check_file("--summary", file)?;
     }
@@ -193,13 +200,17 @@ fn check_outputs(args: &Args) -> Result<(), OutputError> {
     if let Some(file) = &args.track {
         values::check_file("--track", file)?;
     }
-    Ok(())
+    let packets = open("--packets", &args.packets, FrameKind::Ending("nvsp"))?;
+    let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+    let pictures = args.pictures.as_deref().map(|folder| open("--pictures", folder, kind));
+    let track = args.track.as_deref().map(TrackFile::of_vehicle).transpose()?;
+    Ok(Outputs { packets, pictures: pictures.transpose()?, track, sheet: Vec::new() })
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let keys = args.key.open()?;
     let mut frames = Frames::open(&args.prior, &args.input, &args.video)?;
-    check_outputs(args)?;
+    let mut outputs = outputs(args)?;
     let mode = args.mode.mode(false)?;
     let camera = frames.camera();
     let interest = args.interest.interest(&camera)?;
@@ -222,18 +233,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if frames.begin_lost(&args.input.starts) {
         render_key_frames(&mut encoder)?;
     }
-    let mut track = args.track.as_deref().map(TrackFile::of_vehicle).transpose()?;
     let bar = progress(frames.about(), "encoding");
-    let (mut rows, mut pictures) = (Vec::new(), Vec::new());
+    let mut rows = Vec::new();
     while let Some((input, frame)) = frames.next_frame()? {
-        let (input, frame) = (&input, &frame);
-        let (row, picture) = encode(args, &mut encoder, &mut tags, (input, frame))?;
-        if let Some(track) = &mut track {
-            let deviation = TrackPoint::Deviation(row.stats.pose_deviation());
-            track.write(&row.file, row.time, &row.pose, deviation)?;
+        let (frame, encoded) = input.encode(&mut encoder, &frame)?;
+        if rows.is_empty() {
+            args.prior.tell_if_cut(&encoded.render, &input.camera, &encoded.pose)?;
         }
-        rows.push(row);
-        pictures.extend(picture);
+        outputs.packets.write(&format!("{}.nvsp", input.name), tags.put(&encoded.packet))?;
+        rows.push(outputs.add(args, &input, frame, encoded)?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -242,8 +250,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         summary::write(path, &rows)?;
     }
     if let Some(path) = &args.sheet {
-        write_contact_sheet(path, &pictures)?;
+        write_contact_sheet(path, &outputs.sheet)?;
     }
+    outputs.packets.finish()?;
+    outputs.pictures.as_mut().map_or(Ok(()), FrameFolder::finish)?;
     args.device.check(&engine)
 }
 
@@ -261,28 +271,27 @@ fn render_key_frames(encoder: &mut Encoder) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Encodes one frame and writes the files asked for. Returns its pictures if a sheet is wanted.
-fn encode(
-    args: &Args,
-    encoder: &mut Encoder,
-    tags: &mut FileTags,
-    (input, frame): (&Input, &Picture),
-) -> anyhow::Result<(Row, Option<SheetRow>)> {
-    let (frame, encoded) = input.encode(encoder, frame)?;
-    let packet = args.packets.join(&input.name).with_added_extension("nvsp");
-    std::fs::write(&packet, tags.put(&encoded.packet))
-        .with_context(|| format!("writing {}", packet.display()))?;
-    if let Some(folder) = &args.pictures {
-        let path = folder.join(&input.name).with_added_extension("png");
-        nvsprior_runs::write_png(&path, &encoded.picture)?;
+impl Outputs {
+    /// Writes what is asked for beside the packet.
+    fn add(
+        &mut self,
+        args: &Args,
+        input: &Input,
+        frame: Picture,
+        encoded: Encoded,
+    ) -> anyhow::Result<Row> {
+        if let Some(pictures) = &mut self.pictures {
+            pictures.write_picture(&input.name, &encoded.picture)?;
+        }
+        let (time, pose) = (input.external.time, encoded.pose);
+        if let Some(track) = &mut self.track {
+            let deviation = TrackPoint::Deviation(encoded.stats.pose_deviation());
+            track.write(&input.file, time, &pose, deviation)?;
+        }
+        if args.sheet.is_some() {
+            let (render, reconstruction) = (encoded.render, Some(encoded.picture));
+            self.sheet.push(SheetRow { frame, render, reconstruction });
+        }
+        Ok(Row { file: input.file.clone(), time, pose, stats: encoded.stats })
     }
-    let time = input.external.time;
-    let row = Row { file: input.file.clone(), time, pose: encoded.pose, stats: encoded.stats };
-    let (render, reconstruction) = (encoded.render, encoded.picture);
-    let sheet = args.sheet.is_some().then_some(SheetRow {
-        frame,
-        render,
-        reconstruction: Some(reconstruction),
-    });
-    Ok((row, sheet))
 }

@@ -1,5 +1,6 @@
 //! `nvsprior inspect`: what is in a prior, and which parts of it pictures do not need.
 
+mod scan;
 mod study;
 
 use std::path::PathBuf;
@@ -22,7 +23,8 @@ use nvsprior_inputs::values;
 /// With a camera file, also print what a mission's views do not show. `nvsprior prior trim` writes a prior without it.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The trained scene, .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the format
+    /// The trained scene, .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the format. Of a
+    /// folder: a line for each scene in it
     #[arg(value_name = "PRIOR")]
     prior: PathBuf,
     #[command(flatten)]
@@ -41,6 +43,9 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if args.prior.is_dir() {
+        return scan::print(&args.prior, &args.overrides);
+    }
     let prior = nvsprior_formats::open(&args.prior, &args.overrides.overrides())?;
     let mission = args.cameras.as_ref().map(|path| args.mission.read(path, &prior)).transpose()?;
     describe(args, &prior);
@@ -121,7 +126,7 @@ fn whose(own: bool, bytes: usize) -> String {
 }
 
 /// The lens of the mapping run's camera.
-fn describe_lens(lens: Option<&Lens>) -> String {
+pub fn describe_lens(lens: Option<&Lens>) -> String {
     let Some(lens) = lens else { return "not stated".into() };
     let Intrinsics { width, height, fx, fy, cx, cy } = lens.intrinsics();
     let distortion = match lens.distortion() {

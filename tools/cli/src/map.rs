@@ -1,6 +1,7 @@
 //! `nvsprior map`: a prior trained on the device from the posed pictures of a mapping run.
 
 mod budget;
+mod check;
 mod course;
 mod from;
 mod inputs;
@@ -19,6 +20,7 @@ mod worth;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clap::builder::ArgPredicate;
 use nvsprior::{Engine, Prior};
 use nvsprior_inputs::args::{DeviceArgs, OverrideArgs};
 use nvsprior_inputs::statistics::median;
@@ -83,8 +85,17 @@ pub struct Args {
     seed: u64,
     #[command(flatten)]
     overrides: OverrideArgs,
+    /// Read all pictures, cameras, masks and frames, say what counts and what cannot be used, and train nothing
+    #[arg(long)]
+    check: bool,
     /// The prior: .nvsg or .nvsb, with all that belongs to it, or .ply, its splats alone as Splatfacto writes them
-    #[arg(long, value_name = "FILE")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        required = false,
+        required_unless_present = "check",
+        default_value_if("check", ArgPredicate::IsPresent, "checked.nvsg")
+    )]
     out: PathBuf,
     /// Go on from the state that an interrupted run left beside OUT
     #[arg(long)]

@@ -1,17 +1,17 @@
 //! `nvsprior render`: views of the prior.
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use npyz::WriterBuilder;
+use nvsprior::prior::replace_file;
 use nvsprior::render::{Plan, to_byte};
 use nvsprior::{Camera, Picture, Pose};
 
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, numbers, progress};
+use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, numbers, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::{frame_file, values};
+use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
 
 /// Render the prior at a pose, or at many
 #[derive(clap::Args)]
@@ -41,6 +41,8 @@ pub struct Args {
     /// Folder for the pictures of --poses: one NAME.png of each row
     #[arg(long, value_name = "DIR", requires = "poses")]
     pictures: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -90,16 +92,18 @@ fn draw_many(
     poses: &[(String, Pose)],
     folder: &Path,
 ) -> anyhow::Result<()> {
-    values::make_folder("--pictures", folder)?;
+    let kind = FrameKind::Picture(PictureMark::RENDER);
+    let mut folder = FrameFolder::open("--pictures", folder, kind, args.overwrite.overwrite)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
     let bar = progress(poses.len(), "renders");
     for (name, pose) in poses {
         let picture = to_picture(camera, renderer.draw(pose)?);
-        nvsprior_runs::write_png(&folder.join(format!("{name}.png")), &picture)?;
+        folder.write_picture(name, &picture)?;
         bar.inc(1);
     }
+    folder.finish()?;
     args.device.check(&engine)
 }
 
@@ -113,12 +117,14 @@ fn draw_one(args: &Args, camera: &Camera, pose: &Pose) -> anyhow::Result<()> {
     let scene = args.prior.upload(&engine)?;
     let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
     let pixels = renderer.draw(pose)?;
+    let picture = to_picture(camera, pixels);
     if let Some(path) = &args.out {
-        nvsprior_runs::write_png(path, &to_picture(camera, pixels))?;
+        nvsprior_runs::write_png(path, &picture)?;
     }
     if let Some(path) = &args.raw {
-        write_npy(path, camera, pixels).with_context(|| format!("writing {}", path.display()))?;
+        replace_file(path, &npy(camera, pixels)?)?;
     }
+    args.prior.tell_if_cut(&picture, camera, pose)?;
     args.device.check(&engine)
 }
 
@@ -127,12 +133,14 @@ fn to_picture(camera: &Camera, pixels: &[f32]) -> Picture {
     Picture { width: camera.width, height: camera.height, data: bytes.collect() }
 }
 
-fn write_npy(path: &Path, camera: &Camera, pixels: &[f32]) -> std::io::Result<()> {
+fn npy(camera: &Camera, pixels: &[f32]) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     let mut writer = npyz::WriteOptions::new()
         .default_dtype()
         .shape(&[camera.height.into(), camera.width.into(), 5])
-        .writer(BufWriter::new(File::create(path)?))
+        .writer(&mut bytes)
         .begin_nd()?;
     writer.extend(pixels.iter().copied())?;
-    writer.finish()
+    writer.finish()?;
+    Ok(bytes)
 }

@@ -1,12 +1,14 @@
 //! `nvsprior split`: packets to modem frames, as files or as datagrams.
 
+use std::io::ErrorKind;
 use std::net::{ToSocketAddrs, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context;
-use nvsprior_inputs::values;
+use nvsprior_inputs::args::OverwriteArgs;
 use nvsprior_link::modem::{MIN_MTU, Sharer};
+use nvsprior_runs::{FrameFolder, FrameKind};
 
 /// Split packets into the frames of a modem
 ///
@@ -20,9 +22,11 @@ pub struct Args {
     /// Most bytes of a modem frame
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(MIN_MTU as i64..))]
     mtu: u16,
-    /// Folder for the frames; made if it is missing
+    /// Folder for the frames; made if it is missing, refused if it holds frames
     #[arg(long, value_name = "DIR", required_unless_present = "udp", conflicts_with = "udp")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    overwrite: OverwriteArgs,
     /// Send the frames to HOST:PORT instead
     #[arg(long, value_name = "ADDRESS")]
     udp: Option<String>,
@@ -33,15 +37,16 @@ pub struct Args {
 
 /// Where frames go.
 enum Sink {
-    Folder(PathBuf),
+    Folder(FrameFolder),
     Udp { socket: UdpSocket, bit_rate: Option<u32> },
 }
 
 impl Sink {
     fn new(args: &Args) -> anyhow::Result<Sink> {
         if let Some(folder) = &args.out {
-            values::make_folder("--out", folder)?;
-            return Ok(Sink::Folder(folder.clone()));
+            let kind = FrameKind::Ending("frame");
+            let folder = FrameFolder::open("--out", folder, kind, args.overwrite.overwrite)?;
+            return Ok(Sink::Folder(folder));
         }
         let to = args.udp.as_deref().unwrap_or_default();
         let address = to.to_socket_addrs().with_context(|| format!("--udp {to}"))?.next();
@@ -52,15 +57,23 @@ impl Sink {
         Ok(Sink::Udp { socket, bit_rate: args.bit_rate })
     }
 
-    fn put(&self, packet: &Path, index: usize, frame: &[u8]) -> anyhow::Result<()> {
+    fn put(&mut self, packet: &Path, index: usize, frame: &[u8]) -> anyhow::Result<()> {
         match self {
             Sink::Folder(folder) => {
                 let stem = packet.file_stem().unwrap_or_default().to_string_lossy();
-                let path = folder.join(format!("{stem}-{index:04}.frame"));
-                std::fs::write(&path, frame).with_context(|| format!("writing {}", path.display()))
+                folder.write(&format!("{stem}-{index:04}.frame"), frame)?;
+                Ok(())
             }
             Sink::Udp { socket, bit_rate } => {
-                socket.send(frame).context("sending a frame")?;
+                match socket.send(frame) {
+                    Err(error) if error.kind() == ErrorKind::ConnectionRefused => {
+                        let to = socket.peer_addr()?;
+                        anyhow::bail!(
+                            "nobody listens at {to}: start `nvsprior join --udp` there first"
+                        );
+                    }
+                    sent => sent.context("sending a frame")?,
+                };
                 if let Some(rate) = bit_rate {
                     let seconds = frame.len() as f64 * 8.0 / f64::from(*rate);
                     std::thread::sleep(Duration::from_secs_f64(seconds));
@@ -80,7 +93,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         sharer.split(&bytes, mtu).with_context(|| path.display().to_string())?;
         packets.push((path, bytes));
     }
-    let sink = Sink::new(args)?;
+    let mut sink = Sink::new(args)?;
     let mut frames = 0;
     for (path, bytes) in &packets {
         sharer.split(bytes, mtu)?;
@@ -88,6 +101,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             sink.put(path, index, frame)?;
         }
         frames += sharer.count();
+    }
+    if let Sink::Folder(folder) = &mut sink {
+        folder.finish()?;
     }
     say!("{} packets in {frames} frames of at most {mtu} bytes", packets.len());
     Ok(())

@@ -7,7 +7,7 @@ use anyhow::Context;
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Picture, Pose, Rate};
 use nvsprior_basin::DemoFrame;
-use nvsprior_runs::SheetRow;
+use nvsprior_runs::{FrameKind, PictureMark, SheetRow, remove_own};
 
 use crate::table::Figures;
 use crate::topside::{PAPER, Topside};
@@ -70,8 +70,12 @@ impl Coder<'_> {
         };
         let packets = run.join(format!("packets-{search}"));
         let decoded = run.join(format!("decoded-{search}"));
-        for folder in [&packets, &decoded] {
-            std::fs::create_dir_all(folder)
+        // The folders are the demo's own: what an earlier run wrote goes.
+        let pictures = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+        let kinds = [(&packets, FrameKind::Ending(ending)), (&decoded, pictures)];
+        for (folder, kind) in kinds {
+            remove_own(folder, kind)
+                .and_then(|()| std::fs::create_dir_all(folder))
                 .with_context(|| format!("making {}", folder.display()))?;
         }
         let mut coded = Coded::default();

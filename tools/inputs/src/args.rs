@@ -10,7 +10,7 @@ use nvsprior::geometry::Lens;
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
 use nvsprior::vulkan::DeviceOptions;
-use nvsprior::{Camera, Engine, Prior, RenderOverrides};
+use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOverrides};
 
 use crate::values;
 
@@ -27,6 +27,15 @@ pub struct PriorArgs {
     pub prior_memory: Option<u32>,
     #[command(flatten)]
     pub overrides: OverrideArgs,
+}
+
+/// Whether files of an earlier run may go.
+#[derive(clap::Args)]
+pub struct OverwriteArgs {
+    /// Replace the files that such a command wrote to the same folders. They go once the new ones are whole; nothing
+    /// else is removed
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 /// Render options that stand in for the file's own.
@@ -136,6 +145,28 @@ impl PriorArgs {
             None => engine.upload(&self.open()?),
         };
         scene.with_context(|| format!("uploading {}", self.prior.display()))
+    }
+
+    /// Says so if a render is empty because all that it looks at is nearer than the near plane.
+    pub fn tell_if_cut(
+        &self,
+        render: &Picture,
+        camera: &Camera,
+        pose: &Pose,
+    ) -> anyhow::Result<()> {
+        let is_empty = render.data.chunks_exact(3).all(|pixel| pixel == &render.data[..3]);
+        if !is_empty || self.prior_memory.is_some() {
+            return Ok(());
+        }
+        let prior = self.open()?;
+        if prior.is_cut_by_near_plane(camera, pose) {
+            let (path, near) = (self.prior.display(), prior.options().near);
+            tell!(
+                "{path}: all that the view looks at is nearer than the near plane, {near}, and is not drawn; --near \
+                 sets another one"
+            );
+        }
+        Ok(())
     }
 
     /// Fails if a prior that is needed whole is to be opened in blocks.

@@ -6,8 +6,13 @@
 //! conventions); they are turned into OpenCV poses. They are not moved or scaled: a prior exported after nerfstudio's
 //! own scaling and centring lies in another frame.
 //!
+//! Frames of `transforms.json` are put in the order of their names, numbers in them by value: nerfstudio writes them in
+//! COLMAP's order. Inria's `cameras.json`, a list with `img_name`, `position` and `rotation`, is read, too.
+//!
 //! [`CameraFile`] is for pinhole pictures, and refuses distortion; [`crate::posed`] reads it.
 
+mod inria;
+mod numbers;
 mod posed;
 
 use std::path::{Path, PathBuf};
@@ -16,6 +21,7 @@ use glam::{DMat3, DMat4, DQuat};
 use nvsprior::{Camera, Pose};
 use serde_json::Value;
 
+use numbers::floats;
 pub(crate) use posed::PosedFile;
 
 /// One posed picture.
@@ -49,6 +55,9 @@ pub enum CameraFileError {
     Text { path: PathBuf },
     #[error("{}: not JSON: {error}", path.display())]
     Json { path: PathBuf, error: serde_json::Error },
+    #[error("{}: this is {what}, which is not read; export the cameras for COLMAP, as text or binary, and give that \
+        folder to `map --cameras`", path.display())]
+    Foreign { path: PathBuf, what: &'static str },
     #[error("{}: neither \"images\" (cameras.json) nor \"frames\" (transforms.json) in it",
         path.display())]
     Format { path: PathBuf },
@@ -63,8 +72,9 @@ pub enum CameraFileError {
 /// Distortion coefficients that nerfstudio may write; the renderer is a pinhole.
 const DISTORTION: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 
-/// Nerfstudio's names of cameras that are pinholes if their distortion is zero.
-const PINHOLE_MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
+/// Nerfstudio's and COLMAP's names of cameras that are pinholes if their distortion is zero.
+const PINHOLE_MODELS: [&str; 5] =
+    ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"];
 
 impl CameraFile {
     /// Reads a camera file of either kind. The content tells the kind.
@@ -110,8 +120,29 @@ pub(crate) fn read_text(path: &Path) -> Result<String, CameraFileError> {
 }
 
 fn parse_root(text: &str, path: &Path) -> Result<Value, CameraFileError> {
-    let failed = |error| CameraFileError::Json { path: path.to_path_buf(), error };
-    serde_json::from_str(text).map_err(failed)
+    let own = || path.to_path_buf();
+    // Windows programs write a byte order mark.
+    let text = text.trim_start_matches('\u{feff}');
+    if let Some(what) = foreign(text) {
+        return Err(CameraFileError::Foreign { path: own(), what });
+    }
+    let failed = |error| CameraFileError::Json { path: own(), error };
+    let root = serde_json::from_str(text).map_err(failed)?;
+    inria::converted(root).map_err(|(view, what)| CameraFileError::View { path: own(), view, what })
+}
+
+/// Cameras of other programs, by how their files begin.
+fn foreign(text: &str) -> Option<&'static str> {
+    let start = text.trim_start();
+    let first = start.lines().next().unwrap_or_default();
+    match () {
+        _ if start.starts_with('<') && text.contains("<chunk") => Some("Metashape's XML"),
+        _ if start.starts_with('<') => Some("XML"),
+        _ if first.starts_with("#name") || first.starts_with("#cameras") => {
+            Some("RealityCapture's CSV")
+        }
+        _ => None,
+    }
 }
 
 /// What `read` makes of the entries of a file's list of pictures, by the order that it gives them.
@@ -127,14 +158,42 @@ fn entries<T>(
         _ => return Err(CameraFileError::Format { path: own }),
     };
     let folder = path.parent().unwrap_or(Path::new(""));
+    let mut by_name: Vec<usize> = (0..values.len()).collect();
+    by_name.sort_by_cached_key(|i| natural(values[*i]["file_path"].as_str().unwrap_or_default()));
+    let mut ranks = vec![0; values.len()];
+    by_name.iter().enumerate().for_each(|(rank, i)| ranks[*i] = rank);
     let mut views = Vec::with_capacity(values.len());
     for (order, value) in values.iter().enumerate() {
-        let entry = Entry { root, value, opencv, order, folder };
+        let entry = Entry { root, value, opencv, order, rank: ranks[order], folder };
         let wrong = |what| CameraFileError::View { path: own.clone(), view: entry.label(), what };
         views.push(read(&entry).map_err(wrong)?);
     }
     views.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(views.into_iter().map(|(_, view)| view).collect())
+}
+
+/// A text, and the number behind it: how many digits it has, without zeros in front, and which.
+type NamePart = (String, Option<(usize, String)>);
+
+/// What names are sorted by: numbers in them count by their value.
+fn natural(name: &str) -> Vec<NamePart> {
+    let mut parts: Vec<NamePart> = vec![Default::default()];
+    for c in name.chars() {
+        if !c.is_ascii_digit() && parts.last().is_none_or(|(_, number)| number.is_some()) {
+            parts.push(Default::default());
+        }
+        let Some((text, number)) = parts.last_mut() else { continue };
+        if !c.is_ascii_digit() {
+            text.push(c);
+            continue;
+        }
+        let (length, digits) = number.get_or_insert_default();
+        if *length > 0 || c != '0' {
+            *length += 1;
+            digits.push(c);
+        }
+    }
+    parts
 }
 
 /// One entry of the file's list of pictures, with the fields that count for all of them.
@@ -144,6 +203,8 @@ struct Entry<'a> {
     /// Whether it is `cameras.json`'s, else `transforms.json`'s.
     opencv: bool,
     order: usize,
+    /// Its place among the names of `transforms.json`.
+    rank: usize,
     folder: &'a Path,
 }
 
@@ -194,6 +255,15 @@ impl Entry<'_> {
         Ok(camera)
     }
 
+    /// The file of a picture: its name may lack an ending, or have the separators of Windows.
+    fn picture(&self, name: &str) -> PathBuf {
+        let file = with_ending(self.folder.join(name));
+        if file.exists() || !name.contains('\\') {
+            return file;
+        }
+        with_ending(self.folder.join(name.replace('\\', "/")))
+    }
+
     fn time(&self) -> Result<Option<f64>, String> {
         let Some(value) = self.value.get("time").filter(|value| !value.is_null()) else {
             return Ok(None);
@@ -214,7 +284,7 @@ impl Entry<'_> {
         let camera = self.camera(["width", "height", "fx", "fy", "cx", "cy"])?;
         let split = self.value["split"].as_str().map(str::to_owned);
         let time = self.time()?;
-        Ok((order, View { file: self.folder.join(&name), name, split, camera, pose, time }))
+        Ok((order, View { file: self.picture(&name), name, split, camera, pose, time }))
     }
 
     fn nerfstudio_view(&self) -> Result<(f64, View), String> {
@@ -235,9 +305,9 @@ impl Entry<'_> {
         } else {
             None
         };
-        let file = with_ending(self.folder.join(&name));
+        let file = self.picture(&name);
         // Its "time", of moving scenes, is no seconds.
-        Ok((self.order as f64, View { file, name, split: None, camera, pose, time: None }))
+        Ok((self.rank as f64, View { file, name, split: None, camera, pose, time: None }))
     }
 
     /// An OpenGL camera-to-world matrix as an OpenCV world-to-camera pose: flips y and z of the
@@ -260,18 +330,13 @@ impl Entry<'_> {
     }
 }
 
-/// Exactly `N` numbers.
-fn floats<const N: usize>(value: &Value) -> Option<[f64; N]> {
-    let values: Option<Vec<f64>> = value.as_array()?.iter().map(Value::as_f64).collect();
-    values?.try_into().ok()
-}
-
-/// nerfstudio leaves out endings at times.
+/// nerfstudio leaves out endings at times; a dot within a name is none.
 pub(crate) fn with_ending(file: PathBuf) -> PathBuf {
-    if file.extension().is_some() || file.exists() {
+    if file.exists() {
         return file;
     }
-    let candidates = ["png", "jpg", "jpeg", "webp"].map(|e| file.with_added_extension(e));
+    let endings = ["png", "jpg", "jpeg", "webp", "PNG", "JPG", "JPEG", "WEBP"];
+    let candidates = endings.map(|e| file.with_added_extension(e));
     candidates.into_iter().find(|f| f.exists()).unwrap_or(file)
 }
 
@@ -355,6 +420,58 @@ mod tests {
     }
 
     #[test]
+    fn frames_are_in_the_order_of_their_names() {
+        let mut value = nerfstudio();
+        let frame = value["frames"][0].clone();
+        let named = |name: &str| {
+            let mut frame = frame.clone();
+            frame["file_path"] = name.into();
+            frame
+        };
+        let names = ["images/frame_10.png", "images/frame_0.png", "images/frame_009.png"];
+        value["frames"] = names.map(named).to_vec().into();
+        let found = parse(value).unwrap();
+        let order = [1, 2, 0].map(|i| names[i]);
+        assert_eq!(found.views.iter().map(|view| &view.name[..]).collect::<Vec<_>>(), order);
+    }
+
+    #[test]
+    fn pictures_are_found_by_names_of_windows_and_without_endings() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        for name in ["f.PNG", "a.b.jpg"] {
+            std::fs::write(folder.path().join("images").join(name), "").unwrap();
+        }
+        let mut value = nerfstudio();
+        for (name, file) in [("images\\f", "images/f.PNG"), ("./images/a.b", "./images/a.b.jpg")] {
+            value["frames"][0]["file_path"] = name.into();
+            let text = format!("\u{feff}{value}");
+            let found = CameraFile::parse(&text, &folder.path().join("t.json")).unwrap();
+            assert_eq!(found.views[0].file, folder.path().join(file));
+        }
+    }
+
+    #[test]
+    fn lenses_without_distortion_are_pinholes_whatever_their_model() {
+        for model in ["SIMPLE_RADIAL", "RADIAL", "SIMPLE_PINHOLE"] {
+            let mut value = nerfstudio();
+            value["camera_model"] = model.into();
+            assert!(parse(value).is_ok(), "{model}");
+        }
+    }
+
+    #[test]
+    fn cameras_of_other_programs_are_named() {
+        for (text, named) in [
+            ("<?xml version=\"1.0\"?>\n<document><chunk label=\"1\"/></document>", "Metashape"),
+            ("#name,x,y,alt,heading,pitch,roll\na.png,1,2,3,4,5,6\n", "RealityCapture"),
+        ] {
+            let error = CameraFile::parse(text, Path::new("x")).unwrap_err().to_string();
+            assert!(error.contains(named) && error.contains("COLMAP"), "{error}");
+        }
+    }
+
+    #[test]
     fn opengl_poses_are_turned_into_opencv_ones() {
         let file = parse(nerfstudio()).unwrap();
         let pose = file.views[0].pose.unwrap();
@@ -401,7 +518,7 @@ mod tests {
             let found = image::open(&view.file).unwrap().into_rgb8().into_raw();
             assert_eq!(found, picture.data);
         }
-        views[1].file = views[0].file.clone();
-        assert!(matches!(writer.list(camera, &views), Err(RunWriterError::Twice { .. })));
+        let again = writer.picture("a/1.webp", &picture);
+        assert!(matches!(again, Err(RunWriterError::Twice { .. })));
     }
 }

@@ -4,9 +4,11 @@ use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use image::ImageFormat;
 use image::imageops::FilterType;
+use image::{DynamicImage, ImageFormat, RgbImage};
 use nvsprior::{FrameInfo, Hint, Picture, Pose};
+
+use crate::jpeg::{self, JpegError};
 
 /// Why a file of pictures or poses cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -15,6 +17,11 @@ pub enum FrameFileError {
     Image { path: PathBuf, error: image::ImageError },
     #[error("{}: not a picture of a kind that is read here: PNG, JPEG, WebP", path.display())]
     NoPicture { path: PathBuf },
+    #[error("{}: {error}", path.display())]
+    Jpeg { path: PathBuf, error: JpegError },
+    #[error("{}: parts of it are transparent. Frames are encoded whole: put it on a ground, or save it without alpha",
+        path.display())]
+    Transparent { path: PathBuf },
     #[error("{}: {error}", path.display())]
     Csv { path: PathBuf, error: csv::Error },
     #[error("{}: {}×{} is of another shape than the camera's {}×{}; resizing would distort it",
@@ -36,9 +43,9 @@ pub enum FrameFileError {
 const SHAPE_TOLERANCE: f64 = 0.01;
 
 /// Reads a PNG, JPEG or WebP. Resizes it (Lanczos, 3 lobes) if it has another size of the same
-/// shape. Alpha is dropped, grey becomes RGB, 16 bits become 8.
+/// shape. Grey becomes RGB, 16 bits become 8. It may have no transparent pixels.
 pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
-    let picture = open_image(path)?.to_rgb8();
+    let picture = open_opaque(path)?;
     let (found, expected) = (picture.dimensions(), (width, height));
     let picture = if found == expected {
         picture
@@ -52,7 +59,7 @@ pub fn read_frame(path: &Path, width: u32, height: u32) -> Result<Picture, Frame
 
 /// Reads a PNG, JPEG or WebP that must have this size.
 pub fn read_picture(path: &Path, width: u32, height: u32) -> Result<Picture, FrameFileError> {
-    let picture = open_image(path)?.to_rgb8();
+    let picture = open_opaque(path)?;
     let (found, expected) = (picture.dimensions(), (width, height));
     if found != expected {
         return Err(FrameFileError::Size { path: path.to_path_buf(), found, expected });
@@ -75,12 +82,38 @@ pub fn check_picture(path: &Path) -> Result<(), FrameFileError> {
     }
 }
 
-/// Reads a PNG, JPEG or WebP, told by its content.
-pub(crate) fn open_image(path: &Path) -> Result<image::DynamicImage, FrameFileError> {
+/// Reads a PNG, JPEG or WebP, told by its content, of which nothing may be missing.
+pub(crate) fn open_image(path: &Path) -> Result<DynamicImage, FrameFileError> {
     let failed = |error| FrameFileError::Image { path: path.to_path_buf(), error };
-    let reader = image::ImageReader::open(path).map_err(|e| failed(e.into()))?;
-    let reader = reader.with_guessed_format().map_err(|e| failed(e.into()))?;
-    reader.decode().map_err(failed)
+    let bytes = std::fs::read(path).map_err(|error| failed(error.into()))?;
+    let format = image::guess_format(&bytes).map_err(failed)?;
+    if format == ImageFormat::Jpeg {
+        let broken = |error| FrameFileError::Jpeg { path: path.to_path_buf(), error };
+        jpeg::check(&bytes).map_err(broken)?;
+    }
+    image::load_from_memory_with_format(&bytes, format).map_err(failed)
+}
+
+fn open_opaque(path: &Path) -> Result<RgbImage, FrameFileError> {
+    let picture = open_image(path)?;
+    match alpha(&picture) {
+        Some(_) => Err(FrameFileError::Transparent { path: path.to_path_buf() }),
+        None => Ok(picture.into_rgb8()),
+    }
+}
+
+/// Reads a picture whole. Whether none of it is transparent.
+pub fn is_opaque(path: &Path) -> Result<bool, FrameFileError> {
+    Ok(alpha(&open_image(path)?).is_none())
+}
+
+/// The alpha of a picture's pixels, in rows, if any of it is transparent.
+pub(crate) fn alpha(picture: &DynamicImage) -> Option<Vec<u8>> {
+    if !picture.color().has_alpha() {
+        return None;
+    }
+    let alpha: Vec<u8> = picture.to_rgba8().pixels().map(|pixel| pixel.0[3]).collect();
+    alpha.iter().any(|alpha| *alpha < u8::MAX).then_some(alpha)
 }
 
 /// Whether sizes have the same shape. Rounding to whole pixels does not count.

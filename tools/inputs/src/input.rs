@@ -1,6 +1,6 @@
 //! The frames of a run: which ones, and what is known of each before it is encoded.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -95,8 +95,8 @@ impl InputArgs {
         views.truncate(self.limit.unwrap_or(usize::MAX));
         anyhow::ensure!(!views.is_empty(), "{}: no frames to encode", cameras.display());
         let csv = starts_file(starts).map(|path| self.read_starts(path)).transpose()?;
-        let mut names = HashSet::new();
-        let distinct = views.iter().all(|view| names.insert(stem(&view.file)));
+        let names = names(&views.iter().collect::<Vec<_>>())
+            .with_context(|| cameras.display().to_string())?;
         let input = |(index, view): (usize, &View)| {
             let camera = self.size.reduced(&view.camera);
             camera.check().with_context(|| format!("{}: {}", cameras.display(), view.name))?;
@@ -104,7 +104,7 @@ impl InputArgs {
             Ok(Input {
                 path: view.file.clone(),
                 file: view.name.clone(),
-                name: if distinct { stem(&view.file) } else { flat_name(&view.name) },
+                name: names[index].clone(),
                 camera,
                 external: self.external(starts, index, view, csv.as_ref()),
                 known: view.pose,
@@ -146,11 +146,58 @@ pub fn starts_file(starts: &str) -> Option<&Path> {
     }
 }
 
-fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+/// What the views' files are called: by the file, else with its folders, else with its ending, too; no two alike.
+fn names(views: &[&View]) -> anyhow::Result<Vec<String>> {
+    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let flat = |view: &View| view.name.replace(['/', '\\'], "_");
+    let ways: [&dyn Fn(&View) -> String; 3] =
+        [&|view| stem(&view.file), &|view| stem(Path::new(&flat(view))), &flat];
+    let mut doubles = Vec::new();
+    for way in ways {
+        let names: Vec<String> = views.iter().map(|view| way(view)).collect();
+        let mut seen = HashMap::new();
+        // Not every file system tells capitals.
+        let taken = |(name, view): (&String, &&View)| {
+            seen.insert(name.to_lowercase(), view.name.clone())
+                .map(|other| (other, view.name.clone()))
+        };
+        doubles = names.iter().zip(views).filter_map(taken).collect();
+        if doubles.is_empty() {
+            return Ok(names);
+        }
+    }
+    let (one, other) = &doubles[0];
+    anyhow::bail!("{one} and {other} would be written to one file: give one of them another name")
 }
 
-/// A file name from a path, if stems alone are not distinct.
-fn flat_name(name: &str) -> String {
-    stem(Path::new(&name.replace(['/', '\\'], "_")))
+#[cfg(test)]
+mod tests {
+    use nvsprior::Pose;
+
+    use super::*;
+
+    fn named(files: &[&str]) -> anyhow::Result<Vec<String>> {
+        let camera = Camera { width: 8, height: 4, fx: 7.0, fy: 7.0, cx: 4.0, cy: 2.0 };
+        let view = |name: &&str| View {
+            file: Path::new("dive").join(name),
+            name: (*name).to_owned(),
+            split: None,
+            camera,
+            pose: Some(Pose::IDENTITY),
+            time: None,
+        };
+        let views: Vec<View> = files.iter().map(view).collect();
+        names(&views.iter().collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn each_frame_has_a_name_of_its_own_or_is_refused() {
+        assert_eq!(named(&["a/1.png", "b/2.png"]).unwrap(), ["1", "2"]);
+        assert_eq!(named(&["a/1.png", "b/1.png"]).unwrap(), ["a_1", "b_1"]);
+        assert_eq!(named(&["1.png", "1.webp"]).unwrap(), ["1.png", "1.webp"]);
+        assert_eq!(named(&["a/1.png", "a/1.webp"]).unwrap(), ["a_1.png", "a_1.webp"]);
+        assert_eq!(named(&["a/1.png", "A/1.PNG", "b"]).map_err(drop), Err(()));
+        let refused = named(&["a/1.png", "a_1.png", "b/1.png"]).unwrap_err().to_string();
+        assert!(refused.contains("a/1.png and a_1.png"), "{refused}");
+    }
 }

@@ -17,6 +17,7 @@ pub mod estimate;
 pub mod ffmpeg;
 pub mod frame_file;
 pub mod input;
+pub mod jpeg;
 pub mod keys;
 pub mod locked_folder;
 pub mod mode;

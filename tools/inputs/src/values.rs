@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use nvsprior_runs::{end_replacing, files_of};
 
 /// Wrong usage that shows only after the arguments were parsed. The program exits with 2.
 #[derive(Debug, thiserror::Error)]
@@ -186,14 +187,8 @@ pub enum OutputError {
 /// Files of a folder that end in `.ending`, in the order of their names; at least one. `what`: what they hold.
 pub fn files(folder: &Path, ending: &str, what: &str) -> anyhow::Result<Vec<PathBuf>> {
     let reading = || format!("reading {}", folder.display());
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).with_context(reading)? {
-        let path = entry.with_context(reading)?.path();
-        if path.extension().is_some_and(|own| own == ending) {
-            files.push(path);
-        }
-    }
-    files.sort();
+    end_replacing(folder, ending).with_context(reading)?;
+    let files = files_of(folder, ending).with_context(reading)?;
     anyhow::ensure!(!files.is_empty(), "{}: no {what} (*.{ending})", folder.display());
     Ok(files)
 }

@@ -1,4 +1,5 @@
-//! Runs on disk: pictures as PNG files, the camera file beside them, and contact sheets. And lines for the screen.
+//! Runs on disk: pictures as PNG files, the camera file beside them, contact sheets, and folders of a file per frame.
+//! And lines for the screen.
 
 // Not published: names that tell what they are need no comment.
 #![allow(missing_docs)]
@@ -22,11 +23,15 @@ macro_rules! say {
 }
 
 mod contact;
+mod frame_folder;
 mod png_file;
 mod run_writer;
 mod sheet;
 
 pub use contact::{SheetRow, write_contact_sheet};
-pub use png_file::{PngFileError, png_of, read_png, write_png};
+pub use frame_folder::{
+    FrameFolder, FrameFolderError, FrameKind, PictureMark, end_replacing, files_of, remove_own,
+};
+pub use png_file::{PngFileError, marked_png, png_of, read_png, write_png};
 pub use run_writer::{RunView, RunWriter, RunWriterError};
 pub use sheet::Sheet;

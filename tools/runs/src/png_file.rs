@@ -5,36 +5,77 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use nvsprior::Picture;
+use nvsprior::prior::{PriorError, replace_file};
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder, Filter};
 
 #[derive(Debug, thiserror::Error)]
 pub enum PngFileError {
     #[error("cannot write {}: {error}", path.display())]
     Write { path: PathBuf, error: png::EncodingError },
+    #[error(transparent)]
+    Replace(#[from] PriorError),
     #[error("cannot read {}: {error}", path.display())]
     Read { path: PathBuf, error: png::DecodingError },
     #[error("{}: a PNG of 8-bit RGB is needed, as this program writes them", path.display())]
     Kind { path: PathBuf },
 }
 
-/// Writes a picture as a PNG, whatever the file's name ends in.
+/// Writes a picture as a PNG, whatever the file's name ends in. What was there is lost only once the new one is whole.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PngFileError> {
-    let written = png_of(picture).and_then(|bytes| Ok(std::fs::write(path, bytes)?));
-    written.map_err(|error| PngFileError::Write { path: path.to_path_buf(), error })
+    let bytes = png_of(picture);
+    let bytes = bytes.map_err(|error| PngFileError::Write { path: path.to_path_buf(), error })?;
+    Ok(replace_file(path, &bytes)?)
 }
 
 /// A picture as PNG, quickly.
 pub fn png_of(picture: &Picture) -> Result<Vec<u8>, png::EncodingError> {
+    marked_png(picture, None)
+}
+
+/// [`png_of`], with what it says of itself.
+pub fn marked_png(picture: &Picture, mark: Option<&str>) -> Result<Vec<u8>, png::EncodingError> {
+    png(ColorType::Rgb, (picture.width, picture.height), &picture.data, mark)
+}
+
+/// Grey levels in rows as PNG.
+pub fn marked_grey_png(
+    size: (u32, u32),
+    levels: &[u8],
+    mark: &str,
+) -> Result<Vec<u8>, png::EncodingError> {
+    png(ColorType::Grayscale, size, levels, Some(mark))
+}
+
+/// The keyword of what a picture says of itself.
+const MARK: &str = "Software";
+
+fn png(
+    colour: ColorType,
+    (width, height): (u32, u32),
+    data: &[u8],
+    mark: Option<&str>,
+) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
-    let mut encoder = Encoder::new(&mut bytes, picture.width, picture.height);
-    encoder.set_color(ColorType::Rgb);
+    let mut encoder = Encoder::new(&mut bytes, width, height);
+    encoder.set_color(colour);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_compression(Compression::Fast);
     encoder.set_filter(Filter::Adaptive);
+    if let Some(mark) = mark {
+        encoder.add_text_chunk(MARK.into(), mark.into())?;
+    }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&picture.data)?;
+    writer.write_image_data(data)?;
     writer.finish()?;
     Ok(bytes)
+}
+
+/// Whether a file is a PNG that says this of itself.
+pub fn is_marked(path: &Path, mark: &str) -> bool {
+    let Ok(file) = File::open(path) else { return false };
+    let Ok(reader) = Decoder::new(BufReader::new(file)).read_info() else { return false };
+    let mut texts = reader.info().uncompressed_latin1_text.iter();
+    texts.any(|text| text.keyword == MARK && text.text == mark)
 }
 
 /// Reads a picture that [`write_png`] wrote.

@@ -1,6 +1,8 @@
 //! Writes posed pictures as `cameras.json` with PNGs beside it.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use nvsprior::{Camera, Picture, Pose};
 use serde::Serialize;
@@ -65,15 +67,17 @@ struct Intrinsics {
 const CONVENTION: &str = "OpenCV camera (x right, y down, z forward); world-to-camera: \
     X_cam = R(q) X_world + t; q = w,x,y,z unit; pixel (0,0) covers [0,1)x[0,1)";
 
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct RunWriter {
     folder: PathBuf,
+    /// The files that were written; a file system may not tell capitals.
+    written: Mutex<BTreeSet<String>>,
 }
 
 impl RunWriter {
     /// Into a folder, which is made when there is something to write.
     pub fn new(folder: &Path) -> RunWriter {
-        RunWriter { folder: folder.to_path_buf() }
+        RunWriter { folder: folder.to_path_buf(), written: Mutex::default() }
     }
 
     /// Writes a picture as a PNG, and gives its file relative to the folder: the name without what leads out of the
@@ -81,6 +85,11 @@ impl RunWriter {
     pub fn picture(&self, name: &str, picture: &Picture) -> Result<String, RunWriterError> {
         let file = file_of(name);
         let path = self.folder.join(&file);
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        if !written.insert(file.to_lowercase()) {
+            return Err(RunWriterError::Twice { path });
+        }
+        drop(written);
         let parent = path.parent().unwrap_or(&self.folder);
         std::fs::create_dir_all(parent)
             .map_err(|source| RunWriterError::Write { path: parent.to_path_buf(), source })?;
@@ -90,7 +99,6 @@ impl RunWriter {
 
     /// Writes `cameras.json`. `camera`: gives the size, and the intrinsics of most.
     pub fn list(&self, camera: Camera, views: &[RunView]) -> Result<(), RunWriterError> {
-        self.check_names(views)?;
         let image = |(index, view): (usize, &'_ RunView)| {
             let Camera { fx, fy, cx, cy, .. } = view.camera;
             Image {
@@ -109,15 +117,6 @@ impl RunWriter {
             .map_err(std::io::Error::from)
             .and_then(|json| std::fs::write(&path, json))
             .map_err(|source| RunWriterError::Write { path, source })
-    }
-
-    fn check_names(&self, views: &[RunView]) -> Result<(), RunWriterError> {
-        let mut files: Vec<_> = views.iter().map(|view| &view.file).collect();
-        files.sort_unstable();
-        match files.windows(2).find(|pair| pair[0] == pair[1]) {
-            Some(pair) => Err(RunWriterError::Twice { path: self.folder.join(pair[0]) }),
-            None => Ok(()),
-        }
     }
 }
 

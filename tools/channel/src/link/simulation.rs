@@ -2,7 +2,6 @@
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
-use std::path::Path;
 use std::sync::Arc;
 
 use nvsprior::render::Scene;
@@ -11,6 +10,7 @@ use nvsprior::{Engine, Picture};
 use nvsprior_link::keys::Keys;
 use nvsprior_link::modem::Division;
 use nvsprior_link::{CameraFrame, Recalled, Topside, Vehicle};
+use nvsprior_runs::FrameFolder;
 
 use super::channel::LoggedChannel;
 use super::footage::Footage;
@@ -89,7 +89,7 @@ pub struct Simulation<'a> {
     end: f64,
     moments: Vec<Moment>,
     /// Folder for what the pilot sees.
-    pub frames_out: Option<&'a Path>,
+    pub frames_out: Option<&'a mut FrameFolder>,
 }
 
 impl<'a> Simulation<'a> {
@@ -315,8 +315,8 @@ impl<'a> Simulation<'a> {
             }
             _ => picture,
         };
-        if let Some(folder) = self.frames_out {
-            nvsprior_runs::write_png(&folder.join(format!("{frame:04}.png")), picture)?;
+        if let Some(folder) = &mut self.frames_out {
+            folder.write_picture(&format!("{frame:04}"), picture)?;
         }
         let wanted = self.footage.as_large_as(frame, picture)?;
         let region = self.footage.region(frame).map(|region| region.psnr(picture, wanted));

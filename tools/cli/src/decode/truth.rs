@@ -1,12 +1,10 @@
 //! Truth maps as pictures.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use nvsprior::Picture;
 use nvsprior::truth::TruthMap;
-use nvsprior_inputs::values;
-
-use anyhow::Context;
+use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
 
 /// Where truth maps are written.
 #[derive(clap::Args)]
@@ -21,31 +19,43 @@ pub struct TruthArgs {
     overlay: Option<PathBuf>,
 }
 
+/// The folders of truth maps that are asked for.
+pub struct TruthFolders {
+    truth: Option<FrameFolder>,
+    overlay: Option<FrameFolder>,
+}
+
 impl TruthArgs {
     /// Makes the folders.
-    pub fn check(&self) -> anyhow::Result<()> {
-        let folders = [("--truth", &self.truth), ("--overlay", &self.overlay)];
-        for (name, folder) in folders {
-            if let Some(folder) = folder {
-                values::make_folder(name, folder)?;
-            }
+    pub fn open(&self, overwrite: bool) -> anyhow::Result<TruthFolders> {
+        let open = |option, folder: &Option<PathBuf>, mark| {
+            let kind = FrameKind::Picture(mark);
+            let opened = folder.as_deref().map(|f| FrameFolder::open(option, f, kind, overwrite));
+            opened.transpose()
+        };
+        Ok(TruthFolders {
+            truth: open("--truth", &self.truth, PictureMark::TRUTH)?,
+            overlay: open("--overlay", &self.overlay, PictureMark::OVERLAY)?,
+        })
+    }
+}
+
+impl TruthFolders {
+    /// Writes what is asked for. `name`: of the picture.
+    pub fn write(&mut self, name: &str, picture: &Picture, map: &TruthMap) -> anyhow::Result<()> {
+        if let Some(folder) = &mut self.truth {
+            folder.write_grey(name, (map.columns, map.rows), &map.levels)?;
+        }
+        if let Some(folder) = &mut self.overlay {
+            let mut shown = picture.clone();
+            map.draw_over(&mut shown);
+            folder.write_picture(name, &shown)?;
         }
         Ok(())
     }
 
-    /// Writes what is asked for. `name`: of the pictures.
-    pub fn write(&self, name: &Path, picture: &Picture, map: &TruthMap) -> anyhow::Result<()> {
-        if let Some(folder) = &self.truth {
-            let path = folder.join(name);
-            let grey = image::GrayImage::from_raw(map.columns, map.rows, map.levels.clone());
-            let grey = grey.context("a truth map without blocks")?;
-            grey.save(&path).with_context(|| format!("writing {}", path.display()))?;
-        }
-        if let Some(folder) = &self.overlay {
-            let mut shown = picture.clone();
-            map.draw_over(&mut shown);
-            nvsprior_runs::write_png(&folder.join(name), &shown)?;
-        }
-        Ok(())
+    pub fn finish(&mut self) -> anyhow::Result<()> {
+        let folders = [&mut self.truth, &mut self.overlay];
+        Ok(folders.into_iter().flatten().try_for_each(FrameFolder::finish)?)
     }
 }

@@ -18,11 +18,14 @@ use super::report::{Report, RunWorth};
 use super::sides::Sides;
 use super::structure::Search;
 use super::worth::Worth;
-use super::{Args, Training, forward_seconds, memory, saved};
+use super::{Args, Training, check, forward_seconds, memory, saved};
 use crate::container::{Container, FINENESS};
 use crate::prior_file::PriorFile;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
+    if args.check {
+        return check::run(args);
+    }
     let container = Container::of(&args.out, Quantisation::default().scaled(FINENESS))?;
     let from = args.from.prior(&args.overrides)?;
     let options = args.options(from.as_ref());

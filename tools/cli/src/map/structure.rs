@@ -108,6 +108,10 @@ impl StructureArgs {
         &self.unposed
     }
 
+    pub fn lenses(&self) -> Lenses {
+        self.lenses.unwrap_or(Lenses::One)
+    }
+
     /// Finds the poses of pictures, if there are any without.
     pub fn find(
         &self,
@@ -137,7 +141,7 @@ impl StructureArgs {
             finder: self.poses.clone().unwrap_or(Finder::Auto),
             camera_model: model,
             camera_params: params,
-            lenses: self.lenses.unwrap_or(Lenses::One),
+            lenses: self.lenses(),
             matching: self.matching.unwrap_or(Matching::Auto),
             sequence: pictures.sequence,
             size: how.matched(),

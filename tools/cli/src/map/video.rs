@@ -33,6 +33,10 @@ pub enum Given {
 }
 
 impl VideoArgs {
+    pub fn decoder(&self) -> DecoderChoice {
+        self.decoder
+    }
+
     /// Tells folders from videos, and finds out whether they are there.
     pub fn check(&self, paths: &[PathBuf]) -> anyhow::Result<Given> {
         if let Some(path) = paths.iter().find(|path| !path.exists()) {

@@ -12,9 +12,11 @@ fn a_prior_in_blocks_gives_the_packets_of_the_whole_one() {
     assert!(written.contains("4800"), "{written}");
     let inspected = dive.run("inspect wall.nvsb").ends_with(0).stdout;
     assert!(inspected.contains("blocked prior"), "{inspected}");
-    dive.run(&format!("{ENCODE} wall.nvsb --packets whole --pictures sent")).ends_with(0);
-    dive.run(&format!("{ENCODE} wall.nvsb --prior-memory 2 --packets parts")).ends_with(0);
-    dive.run("decode --prior wall.nvsb --prior-memory 2 --packets whole --frames seen")
+    dive.run(&format!("{ENCODE} wall.nvsb --packets whole --overwrite --pictures sent"))
+        .ends_with(0);
+    dive.run(&format!("{ENCODE} wall.nvsb --prior-memory 2 --packets parts --overwrite"))
+        .ends_with(0);
+    dive.run("decode --prior wall.nvsb --prior-memory 2 --packets whole --overwrite --frames seen")
         .ends_with(0);
     for t in 0..FRAMES {
         let packet = |folder: &str| dive.bytes(&format!("{folder}/{t}.nvsp"));
@@ -35,9 +37,9 @@ fn what_blocks_cannot_do_is_refused() {
     dive.run("prior blocks prior.ply nowhere.ply --out wall.nvsb").ends_with(1).says("nowhere.ply");
     assert!(!dive.path("wall.nvsb").exists());
     dive.run("prior blocks prior.ply --out wall.nvsb").ends_with(0);
-    let in_blocks = format!("{ENCODE} wall.nvsb --prior-memory 2 --packets packets");
+    let in_blocks = format!("{ENCODE} wall.nvsb --prior-memory 2 --packets packets --overwrite");
     dive.run(&format!("{in_blocks} --near 0.1")).ends_with(1).says("options of the file");
-    let whole = format!("{ENCODE} prior.ply --prior-memory 2 --packets packets");
+    let whole = format!("{ENCODE} prior.ply --prior-memory 2 --packets packets --overwrite");
     dive.run(&whole).ends_with(1).says("prior.ply");
     dive.run(&format!("{whole} --prior-memory 0")).ends_with(2);
 }

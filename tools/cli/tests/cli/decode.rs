@@ -3,14 +3,14 @@
 use crate::dive::{Dive, pictures};
 use crate::scene::{wall, write_prior};
 
-const DECODE: &str = "decode --prior prior.ply --packets packets --frames out";
+const DECODE: &str = "decode --prior prior.ply --packets packets --frames out --overwrite";
 
 #[test]
 fn packets_about_another_prior_are_refused_by_name() {
     let dive = Dive::new();
     dive.encode("--limit 1");
     write_prior(&dive.path("other.ply"), &wall(2));
-    dive.run("decode --prior other.ply --packets packets --frames out")
+    dive.run("decode --prior other.ply --packets packets --overwrite --frames out")
         .ends_with(1)
         .says("packets/0.nvsp")
         .says("Render options are part of a prior's identity")

@@ -87,9 +87,23 @@ impl Dive {
         }
     }
 
+    /// Runs the tool with files limited to so many bytes: what is longer fails, as on a full disk.
+    #[cfg(unix)]
+    pub fn run_limited(&self, bytes: u64, args: &str) -> (Option<i32>, String) {
+        let blocks = bytes / 512;
+        // Without a handler the signal would end the process: a full disk sends none.
+        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" {args}");
+        let output = Command::new("sh")
+            .args(["-c", &script, PROGRAM.expect("Cargo names the program")])
+            .current_dir(self.path(""))
+            .output()
+            .unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    }
+
     /// Encodes the dive to `packets` with more arguments; the summary.
     pub fn encode(&self, args: &str) -> Value {
-        let fixed = "--packets packets --summary summary.json";
+        let fixed = "--packets packets --summary summary.json --overwrite";
         self.run(&format!("encode {INPUT} {fixed} {args}")).ends_with(0);
         self.json("summary.json")
     }

@@ -26,7 +26,8 @@ fn a_dive_is_encoded_and_decoded_by_two_processes() {
         "--optimizer gauss-newton --quality 10 --threshold 1 --frames-out seen --sheet sheet.png",
     );
     check_summary(&dive, &summary);
-    dive.run("decode --prior prior.ply --packets packets --frames topside").ends_with(0);
+    dive.run("decode --prior prior.ply --packets packets --overwrite --frames topside")
+        .ends_with(0);
     for (t, row) in frames(&summary).iter().enumerate() {
         let decoded = dive.picture(&format!("topside/{t}.png"));
         assert_eq!(decoded, dive.picture(&format!("seen/{t}.png")), "frame {t}");
@@ -120,7 +121,7 @@ fn row(t: usize) -> String {
 #[test]
 fn without_any_pose_the_first_frame_is_named() {
     let dive = Dive::new();
-    let encode = format!("encode {INPUT} --packets p --starts none");
+    let encode = format!("encode {INPUT} --packets p --overwrite --starts none");
     dive.run(&encode).ends_with(1).says("images/0.png").says("no pose to start from");
 }
 
@@ -134,7 +135,7 @@ fn frames_that_are_not_certain_are_told() {
         let size = image::image_dimensions(&path).unwrap();
         image::RgbImage::from_pixel(size.0, size.1, image::Rgb([110; 3])).save(&path).unwrap();
     }
-    let args = "--packets p --residual none --summary summary.json";
+    let args = "--packets p --overwrite --residual none --summary summary.json";
     let table = dive.run(&format!("encode {INPUT} {args}")).ends_with(0).stdout;
     let marked: Vec<_> = table.lines().map(|line| line.contains("NOT CERTAIN")).collect();
     assert_eq!(marked[..=FRAMES], [false, false, true, true], "{table}");
@@ -176,7 +177,7 @@ fn times_come_from_the_csv_file_or_the_camera_file_and_do_not_go_back() {
     };
     write(["7", "7.5"]);
     assert_eq!(times(&dive, "--starts poses.csv"), [Some(7.0), None, Some(7.5)]);
-    let encode = format!("encode {INPUT} --packets none --starts poses.csv");
+    let encode = format!("encode {INPUT} --packets none --overwrite --starts poses.csv");
     write(["7", "6.5"]);
     dive.run(&encode).ends_with(1).says("images/2.png: its time, 6.5 s").says("images/0.png, 7 s;");
     write(["7", "soon"]);
@@ -221,8 +222,7 @@ fn tracks_are_written_and_read_again() {
     // It says what `--starts` reads.
     let again = dive.encode("--residual none --starts vehicle.csv");
     assert!(frames(&again).iter().all(|frame| frame["certain"] == json!(true)));
-    let decode =
-        "decode --prior prior.ply --packets packets --frames topside --cameras cameras.json";
+    let decode = "decode --prior prior.ply --packets packets --overwrite --frames topside --cameras cameras.json";
     dive.run(&format!("{decode} --track topside.csv")).ends_with(0);
     let told = rows("topside.csv");
     assert_eq!(told[0].join(","), "file,time,qw,qx,qy,qz,tx,ty,tz,known,known_angle");
@@ -253,8 +253,7 @@ fn frames_of_a_stream_are_predicted_from_frames_and_say_so() {
     assert_eq!(references, [Value::Null, json!(0), Value::Null]);
     let bytes = |summary: &Value| frames(summary)[1]["bytes"].as_u64();
     assert!(bytes(&summary) < bytes(&alone));
-    let decode =
-        "decode --prior prior.ply --packets packets --frames topside --cameras cameras.json";
+    let decode = "decode --prior prior.ply --packets packets --overwrite --frames topside --cameras cameras.json";
     dive.run(decode).ends_with(0);
     for t in 0..FRAMES {
         assert_eq!(dive.bytes(&format!("topside/{t}.png")), dive.bytes(&format!("seen/{t}.png")));

@@ -42,7 +42,7 @@ fn trained_beside_the_prior_and_needed_on_one_side() {
     let extras = Extras { filter_weights: weights, ..Extras::default() };
     let beside = extras_file::to_bytes(&extras, id, prior.len());
     std::fs::write(dive.path("prior.ply.nvsx"), beside).unwrap();
-    let decode = "decode --prior prior.ply --packets packets --frames";
+    let decode = "decode --prior prior.ply --packets packets --overwrite --frames";
     dive.run(&format!("{decode} plain")).ends_with(0);
     let text = dive.run(&format!("{decode} filtered --filter")).ends_with(0).stdout;
     assert!(

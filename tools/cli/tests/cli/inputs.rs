@@ -46,21 +46,22 @@ fn nerfstudio_scenes_are_reduced_to_the_width_asked_for() {
     });
     dive.write_json("transforms.json", &transforms);
     let encode = "encode --prior prior.ply --cameras transforms.json --summary s.json";
-    dive.run(&format!("{encode} --packets packets --pictures seen")).ends_with(0);
+    dive.run(&format!("{encode} --packets packets --overwrite --pictures seen")).ends_with(0);
     for t in 0..2 {
         let seen = dive.picture(&format!("seen/large{t}.png"));
         assert_eq!((seen.width, seen.height), (320, 180));
         let summary = dive.json("s.json");
         assert!(summary["frames"][t]["render_psnr"].as_f64().unwrap() > 25.0, "{summary}");
     }
-    dive.run("decode --prior prior.ply --packets packets --frames out").ends_with(0);
+    dive.run("decode --prior prior.ply --packets packets --overwrite --frames out").ends_with(0);
     assert_eq!(dive.picture("out/large1.png"), dive.picture("seen/large1.png"));
     // A topside that missed the camera takes it from the file, reduced in the same way.
     std::fs::remove_file(dive.path("packets/large0.nvsp")).unwrap();
-    dive.run("decode --prior prior.ply --packets packets --frames late --cameras transforms.json")
+    dive.run("decode --prior prior.ply --packets packets --overwrite --frames late --cameras transforms.json")
         .ends_with(0);
     assert_eq!(dive.bytes("late/large1.png"), dive.bytes("out/large1.png"));
-    dive.run(&format!("{encode} --packets full --pictures full --width 0 --limit 1")).ends_with(0);
+    dive.run(&format!("{encode} --packets full --overwrite --pictures full --width 0 --limit 1"))
+        .ends_with(0);
     assert_eq!(dive.picture("full/large0.png").width, LARGE.width);
 }
 
@@ -75,11 +76,48 @@ fn jpeg_and_webp_frames_are_read_and_equal_stems_stay_apart() {
         views.push(view(file, t, "mixed", &pose(t as f64)));
     }
     dive.write_json("mixed.json", &camera_file(&CAMERA, views));
-    dive.run("encode --prior prior.ply --cameras mixed.json --packets packets --pictures seen")
+    dive.run("encode --prior prior.ply --cameras mixed.json --packets packets --overwrite --pictures seen")
         .ends_with(0);
     for (t, name) in ["a_0", "b_0"].into_iter().enumerate() {
         assert!(dive.path(&format!("packets/{name}.nvsp")).exists());
         let psnr = dive.picture(&format!("seen/{name}.png")).psnr(&pictures()[t]);
         assert!(psnr > 28.0, "{name}: {psnr} dB");
     }
+}
+
+#[test]
+fn a_check_reads_all_and_trains_nothing() {
+    let dive = Dive::new();
+    let check = "map --check --cameras cameras.json";
+    let run = dive.run(check).ends_with(0);
+    assert!(run.stdout.contains("train on") && run.stdout.contains("lens"), "{}", run.stdout);
+    let transparent = image::RgbaImage::from_pixel(160, 90, image::Rgba([9, 9, 9, 0]));
+    transparent.save(dive.path("images/0.png")).unwrap();
+    assert!(dive.run(check).ends_with(0).stdout.contains("1: parts"));
+    std::fs::write(dive.path("images/1.png"), b"no picture").unwrap();
+    let run = dive.run(check).ends_with(1).says("1 of ");
+    assert!(run.stdout.contains("images/1.png"), "{}", run.stdout);
+    let run = dive.run("map --check images").ends_with(1).says("images/1.png");
+    assert!(run.stdout.is_empty(), "{}", run.stdout);
+    std::fs::remove_file(dive.path("images/1.png")).unwrap();
+    assert!(dive.run("map --check images").ends_with(0).stdout.contains("without poses"));
+    assert!(!dive.path("checked.nvsg").exists());
+}
+
+#[test]
+fn a_folder_of_priors_is_looked_through() {
+    let dive = Dive::without_frames();
+    std::fs::create_dir_all(dive.path("site/deep")).unwrap();
+    dive.run("import prior.ply --out site/deep/same.nvsg").ends_with(0);
+    std::fs::copy(dive.path("prior.ply"), dive.path("site/a.ply")).unwrap();
+    let one = dive.run("inspect prior.ply").ends_with(0).stdout;
+    let identity = one.lines().find_map(|line| line.strip_prefix("identity")).unwrap().trim();
+    let all = dive.run("inspect site").ends_with(0).stdout;
+    assert_eq!(all.matches(identity).count(), 2, "{all}");
+    std::fs::write(dive.path("site/b.ply"), "version https://git-lfs.github.com/spec/v1\n")
+        .unwrap();
+    let run = dive.run("inspect site").ends_with(1).says("1 of 3 scenes");
+    assert!(run.stdout.contains("git lfs pull"), "{}", run.stdout);
+    std::fs::create_dir(dive.path("empty")).unwrap();
+    dive.run("inspect empty").ends_with(1).says("empty: no scene");
 }

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use crate::dive::{Dive, FRAMES, INPUT};
 
-const DECODE: &str = "decode --prior prior.ply --packets packets --frames out";
+const DECODE: &str = "decode --prior prior.ply --packets packets --frames out --overwrite";
 
 /// A dive with the keys `own.key` and `other.key`.
 fn dive() -> Dive {
@@ -42,7 +42,7 @@ fn a_key_is_random_and_for_its_owner_alone() {
 #[test]
 fn packets_of_others_are_named_and_left_out() {
     let dive = dive();
-    dive.run(&format!("encode {INPUT} --bytes 300 --packets plain")).ends_with(0);
+    dive.run(&format!("encode {INPUT} --bytes 300 --packets plain --overwrite")).ends_with(0);
     dive.encode("--bytes 306 --key own.key --epoch 4 --pictures seen");
     for t in 0..FRAMES {
         // The tag counts as a part of the packet, and takes nothing else.

@@ -4,9 +4,12 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
+use nvsprior::packet::Packet;
+use nvsprior_link::modem::Sharer;
+
 use crate::dive::{Dive, FRAMES, name, pictures, save};
 
-const DECODE: &str = "decode --prior prior.ply --frames out --packets";
+const DECODE: &str = "decode --prior prior.ply --frames out --overwrite --packets";
 
 #[test]
 fn packets_come_back_from_their_frames() {
@@ -39,7 +42,8 @@ fn of_a_packet_with_a_gap_what_comes_before_it_is_shown() {
     frames /= 2;
     std::fs::remove_file(dive.path(&format!("frames/0-{frames:04}.frame"))).unwrap();
     std::fs::write(dive.path("frames/0-9999.frame"), b"noise").unwrap();
-    let run = dive.run("join frames --out joined").ends_with(0);
+    // Nothing complete is no success; what came is there.
+    let run = dive.run("join frames --out joined").ends_with(1).says("no packet is complete");
     assert!(
         run.stdout.starts_with("1 packets, 0 of them complete; 1 frames were"),
         "{}",
@@ -51,6 +55,124 @@ fn of_a_packet_with_a_gap_what_comes_before_it_is_shown() {
     dive.run(&format!("{DECODE} joined --joined")).ends_with(0);
     let shown = dive.picture("out/00000000.png").psnr(&pictures()[0]);
     assert!(shown > render, "{render} dB of the render, {shown} dB");
+}
+
+/// Copies the frames of a folder to another one, under numbers that go on.
+fn add_frames(dive: &Dive, from: &str, to: &str) {
+    std::fs::create_dir_all(dive.path(to)).unwrap();
+    let list = |folder: &str| {
+        let entries = std::fs::read_dir(dive.path(folder)).unwrap();
+        let mut paths: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
+        paths.sort();
+        paths
+    };
+    for (i, path) in (list(to).len()..).zip(list(from)) {
+        std::fs::copy(path, dive.path(&format!("{to}/{i:05}.frame"))).unwrap();
+    }
+}
+
+/// Two dives, of which each counts its frames from 0.
+fn two_dives() -> Dive {
+    let dive = Dive::new();
+    for (name, quality) in [("one", 20), ("two", 60)] {
+        dive.encode(&format!("--quality {quality}"));
+        let split =
+            format!("split packets/0.nvsp packets/1.nvsp packets/2.nvsp --out {name} --mtu 64");
+        dive.run(&split).ends_with(0);
+        std::fs::rename(dive.path("packets"), dive.path(&format!("packets-{name}"))).unwrap();
+    }
+    dive
+}
+
+#[test]
+fn frame_numbers_that_begin_anew_lose_no_dive() {
+    let dive = two_dives();
+    add_frames(&dive, "one", "frames");
+    // What is late or comes again is of the same dive.
+    add_frames(&dive, "one", "frames");
+    add_frames(&dive, "two", "frames");
+    add_frames(&dive, "one", "frames");
+    let run = dive.run("join frames --out joined").ends_with(0).says("begin anew");
+    assert!(run.stdout.contains("6 packets, 6 of them complete"), "{}", run.stdout);
+    assert!(run.stdout.contains("joined/2: 3 packets, 3 of them complete"), "{}", run.stdout);
+    for (folder, packets) in [("joined", "packets-one"), ("joined/2", "packets-two")] {
+        for i in 0..3 {
+            let joined = dive.bytes(&format!("{folder}/{i:08}.nvsp"));
+            assert_eq!(joined, dive.bytes(&format!("{packets}/{i}.nvsp")), "{folder}, {i}");
+        }
+    }
+    assert!(!dive.path("joined/3").exists());
+    // With one dive the second's packets are gone, too.
+    dive.run("join one --out joined --overwrite").ends_with(0);
+    assert!(!dive.path("joined/2/00000000.nvsp").exists());
+}
+
+/// Of the first dive the first packet is lost: the second dive's is no part of it.
+#[test]
+fn packets_before_the_sign_of_a_new_run_are_of_that_run() {
+    let dive = two_dives();
+    add_frames(&dive, "one", "frames");
+    let first = |name: &std::fs::DirEntry| name.file_name().to_string_lossy().starts_with("0-");
+    let of_first =
+        std::fs::read_dir(dive.path("one")).unwrap().filter(|e| first(e.as_ref().unwrap()));
+    for i in 0..of_first.count() {
+        std::fs::remove_file(dive.path(&format!("frames/{i:05}.frame"))).unwrap();
+    }
+    std::fs::rename(dive.path("frames"), dive.path("cut")).unwrap();
+    add_frames(&dive, "cut", "frames");
+    add_frames(&dive, "two", "frames");
+    dive.run("join frames --out joined").ends_with(0);
+    assert!(!dive.path("joined/00000000.nvsp").exists());
+    for i in 0..3 {
+        let joined = dive.bytes(&format!("joined/2/{i:08}.nvsp"));
+        assert_eq!(joined, dive.bytes(&format!("packets-two/{i}.nvsp")));
+    }
+}
+
+/// From 65,535 on numbers begin at 0: that is no other dive.
+#[test]
+fn numbers_that_run_over_are_of_one_run() {
+    let dive = Dive::new();
+    dive.encode("--limit 1");
+    let (packet, mut sharer) = (dive.bytes("packets/0.nvsp"), Sharer::default());
+    std::fs::create_dir(dive.path("frames")).unwrap();
+    let mut count = 0;
+    for number in [65_533_u32, 65_534, 65_535, 0, 1, 2] {
+        let mut parsed = Packet::decode(&packet).unwrap();
+        parsed.latent.frame = number;
+        let mut packet = Vec::new();
+        parsed.write(&mut packet).unwrap();
+        sharer.split(&packet, 64).unwrap();
+        for frame in sharer.shares() {
+            std::fs::write(dive.path(&format!("frames/{count:05}.frame")), frame).unwrap();
+            count += 1;
+        }
+    }
+    let run = dive.run("join frames --out joined").ends_with(0);
+    assert!(run.stdout.starts_with("6 packets, 6 of them complete"), "{}", run.stdout);
+    assert!(!run.stdout.contains("anew"), "{}", run.stdout);
+}
+
+#[test]
+fn an_mtu_that_is_not_the_frames_is_named() {
+    let dive = Dive::new();
+    dive.encode("--psnr 45");
+    for (mtu, packets) in [(64, "packets/0.nvsp packets/1.nvsp"), (128, "packets/2.nvsp")] {
+        dive.run(&format!("split {packets} --out frames-{mtu} --mtu {mtu}")).ends_with(0);
+        add_frames(&dive, &format!("frames-{mtu}"), "both");
+    }
+    dive.run("join both --out joined").says("--mtu 64").says("two MTUs");
+    std::fs::create_dir(dive.path("padded")).unwrap();
+    for (i, entry) in std::fs::read_dir(dive.path("frames-64")).unwrap().enumerate() {
+        let mut frame = std::fs::read(entry.unwrap().path()).unwrap();
+        frame.resize(80, 0);
+        std::fs::write(dive.path(&format!("padded/{i:05}.frame")), frame).unwrap();
+    }
+    dive.run("join padded --out none")
+        .ends_with(1)
+        .says("--mtu 64 yields 2 complete")
+        .says("padded to 80");
+    dive.run("join padded --out some --mtu 64").ends_with(0);
 }
 
 const LINK: &str =
@@ -163,6 +285,33 @@ fn a_link_that_cannot_be_is_refused() {
             .ends_with(2)
             .says(text);
     }
+}
+
+/// What is stopped tells what came.
+#[cfg(unix)]
+#[test]
+fn a_join_that_is_stopped_tells_its_counts() {
+    let dive = Dive::new();
+    dive.encode("--limit 1");
+    let mut join = Command::new(env!("CARGO_BIN_EXE_nvsprior"))
+        .args(["join", "--udp", "127.0.0.1:0", "--mtu", "128", "--idle", "600", "--out", "joined"])
+        .current_dir(dive.path(""))
+        .stderr(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut told = String::new();
+    BufReader::new(join.stderr.take().unwrap()).read_line(&mut told).unwrap();
+    let address = told.trim().rsplit(' ').next().unwrap().to_owned();
+    dive.run(&format!("split packets/0.nvsp --mtu 128 --udp {address}")).ends_with(0);
+    while !dive.path("joined/00000000.nvsp").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let stop = Command::new("kill").args(["-TERM", &join.id().to_string()]).status();
+    assert!(stop.unwrap().success());
+    let output = join.wait_with_output().unwrap();
+    assert!(output.status.success());
+    assert!(String::from_utf8_lossy(&output.stdout).starts_with("1 packets, 1 of them complete"));
 }
 
 #[test]

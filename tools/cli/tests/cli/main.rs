@@ -11,15 +11,12 @@ mod derived;
 mod dive;
 mod encode;
 mod filter;
+mod folders;
 mod inputs;
 mod key;
 mod key_frames;
 mod link;
 mod map;
-mod map_hard;
-mod map_parts;
-#[cfg(unix)]
-mod map_structure;
 mod preprocessing;
 mod refusals;
 mod render;

@@ -30,12 +30,13 @@ fn a_prior_is_trained_and_encodes_the_dive() {
     let prior = Prior::open(&dive.path("a.ply"), &Default::default()).unwrap();
     assert_eq!(report["splats"], prior.len());
     assert!(!prior.key_frames().is_empty());
-    let encode = "encode --prior a.ply --cameras cameras.json --split dive --packets packets";
+    let encode =
+        "encode --prior a.ply --cameras cameras.json --split dive --packets packets --overwrite";
     dive.run(encode).ends_with(0);
     assert!(!dive.path("a.ply.training").exists());
     // A .ply has no place for its doubt, which is added beside it.
     assert!(!dive.path("a.ply.nvsx").exists());
-    let decode = "decode --prior a.ply --packets packets --frames out --doubt doubt";
+    let decode = "decode --prior a.ply --packets packets --overwrite --frames out --doubt doubt";
     dive.run(decode).ends_with(0).says("a.ply: without doubt").says("`nvsprior prior doubt`");
     let cameras = "--cameras cameras.json --split dive";
     let check = "--check cameras.json dive";

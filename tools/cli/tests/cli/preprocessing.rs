@@ -61,7 +61,9 @@ fn encode_treats_frames_unless_they_are_treated() {
     write_prior(&by_hand.path("prior.ply"), &wall(1).with_preprocessing(preprocessing()));
     check(&by_hand, "--frames-treated");
     // The topside needs no preprocessing.
-    by_hand.run("decode --prior plain.ply --packets packets --frames topside").ends_with(0);
+    by_hand
+        .run("decode --prior plain.ply --packets packets --overwrite --frames topside")
+        .ends_with(0);
     for t in 0..FRAMES {
         let [seen, topside] = ["seen", "topside"].map(|d| by_hand.picture(&format!("{d}/{t}.png")));
         assert_eq!(seen, topside, "frame {t}");

@@ -59,8 +59,9 @@ fn many_poses_give_a_picture_each() {
     dive.run(&many).ends_with(0);
     for (name, pose) in [("a", "1,0,0,0,0,0,0"), ("b", "1,0,0,0,0.1,0,0")] {
         dive.run(&format!("{render} --out one.png --pose {pose}")).ends_with(0);
-        assert_eq!(dive.bytes(&format!("many/{name}.png")), dive.bytes("one.png"));
+        assert_eq!(dive.picture(&format!("many/{name}.png")), dive.picture("one.png"));
     }
+    dive.run(&many).ends_with(1).says("two runs would be mixed");
     for (rows, says) in [("", "no poses"), ("../a,1,0,0,0,0,0,0\n", "\"../a\" cannot be the name")]
     {
         std::fs::write(dive.path("poses.csv"), format!("{header}{rows}")).unwrap();

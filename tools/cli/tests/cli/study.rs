@@ -97,9 +97,9 @@ fn trim_writes_a_prior_that_shows_nearly_the_same() {
     // Trims again with the same result. Then uses the reduced prior on a link.
     dive.run(&trim.replace("small.ply", "again.ply")).ends_with(0);
     assert_eq!(dive.bytes("small.ply"), dive.bytes("again.ply"));
-    let encode = "encode --prior small.ply --cameras cameras.json --split dive --packets packets";
+    let encode = "encode --prior small.ply --cameras cameras.json --split dive --packets packets --overwrite";
     dive.run(encode).ends_with(0);
-    dive.run("decode --prior small.ply --packets packets --frames out").ends_with(0);
+    dive.run("decode --prior small.ply --packets packets --overwrite --frames out").ends_with(0);
     let psnr = dive.picture("out/0.png").psnr(&dive.picture("images/0.png"));
     assert!(psnr > 25.0, "{psnr} dB");
 }

@@ -41,14 +41,16 @@ fn trained_for_a_copy_of_the_prior_and_needed_on_both_sides() {
     let expected = format!("the scene's own, {} bytes", Tables::encoded_len());
     assert_eq!(row(&text, "coder tables"), expected);
     // With the tables both sides show the same. Without them the packets are about another prior.
-    let encode = format!("encode {INPUT} --packets packets --quality 40 --pictures seen");
+    let encode =
+        format!("encode {INPUT} --packets packets --overwrite --quality 40 --pictures seen");
     dive.run(&encode.replace("prior.ply", "with.nvsg")).ends_with(0);
-    dive.run("decode --prior with.nvsg --packets packets --frames topside").ends_with(0);
+    dive.run("decode --prior with.nvsg --packets packets --overwrite --frames topside")
+        .ends_with(0);
     for t in 0..FRAMES {
         let [seen, topside] = ["seen", "topside"].map(|d| dive.picture(&format!("{d}/{t}.png")));
         assert_eq!(seen, topside, "frame {t}");
     }
-    let refused = dive.run("decode --prior prior.ply --packets packets --frames other");
+    let refused = dive.run("decode --prior prior.ply --packets packets --overwrite --frames other");
     refused.ends_with(1).says(&plain.id().to_string());
     assert!(!dive.path("other/0.png").exists());
 }
@@ -114,5 +116,5 @@ fn refusals_name_what_is_wrong() {
         dive.run(args).ends_with(code).says(named);
         assert!(!dive.path("a.nvsg").exists(), "{args}");
     }
-    dive.run(&format!("encode {INPUT} --packets packets")).ends_with(0);
+    dive.run(&format!("encode {INPUT} --packets packets --overwrite")).ends_with(0);
 }

@@ -99,7 +99,9 @@ fn wrong_paths_and_arguments_are_refused() {
     map("a.mp4 --cameras c.json").ends_with(2);
     map("a.mp4").ends_with(1).says("a.mp4: no frame can be read");
     let encode = |args: &str| {
-        dive.run(&format!("encode --prior prior.ply --cameras c.json --packets p {args}"))
+        dive.run(&format!(
+            "encode --prior prior.ply --cameras c.json --packets p --overwrite {args}"
+        ))
     };
     encode("--video a.mp4 --starts camera-file").ends_with(2).says("no poses of a video's frames");
     encode("--fps 3").ends_with(2);
@@ -145,8 +147,7 @@ fn a_video_is_encoded_with_its_times() {
     };
     let rows: String = (0..FRAMES).map(row).collect();
     std::fs::write(dive.path("starts.csv"), format!("file,qw,qx,qy,qz,tx,ty,tz\n{rows}")).unwrap();
-    let fixed =
-        "encode --prior prior.ply --cameras cameras.json --packets packets --summary summary.json";
+    let fixed = "encode --prior prior.ply --cameras cameras.json --packets packets --overwrite --summary summary.json";
     dive.run(&format!("{fixed} --video dive.mp4 --fps 0.5 --starts starts.csv --limit {FRAMES}"))
         .ends_with(0);
     let summary = dive.json("summary.json");
@@ -194,6 +195,6 @@ fn a_video_of_another_shape_than_the_lens_is_refused() {
     let mut cameras = dive.json("cameras.json");
     cameras["height"] = (CAMERA.height * 2).into();
     dive.write_json("cameras.json", &cameras);
-    let args = "encode --prior prior.ply --cameras cameras.json --packets packets --video dive.mp4";
+    let args = "encode --prior prior.ply --cameras cameras.json --packets packets --overwrite --video dive.mp4";
     dive.run(args).ends_with(1).says("dive.mp4: 160×90 is of another shape");
 }

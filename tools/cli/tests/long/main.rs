@@ -6,6 +6,10 @@ mod common;
 #[path = "../cli/dive.rs"]
 mod dive;
 mod map;
+mod map_hard;
+mod map_parts;
+#[cfg(unix)]
+mod map_structure;
 mod preprocessing;
 #[path = "../../../../tests/scene/mod.rs"]
 mod scene;

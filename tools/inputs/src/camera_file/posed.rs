@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::{CameraFileError, Entry, PINHOLE_MODELS, entries, parse_root, read_text, with_ending};
+use super::{CameraFileError, Entry, PINHOLE_MODELS, entries, parse_root, read_text};
 use crate::colmap::unit_pose;
 use crate::posed::PosedInput;
 use nvsprior::geometry::{Distortion, Intrinsics, Lens};
@@ -46,17 +46,17 @@ impl Entry<'_> {
         }
         if !self.opencv {
             let name = self.text("file_path")?.to_owned();
-            let (pose, file) = (self.opengl_pose()?, with_ending(self.folder.join(&name)));
+            let (pose, file) = (self.opengl_pose()?, self.picture(&name));
             let mask = self.value["mask_path"].as_str().map(|name| self.folder.join(name));
             let input = PosedInput { name, file, lens, pose, split: None, mask };
-            return Ok((self.order as f64, input));
+            return Ok((self.rank as f64, input));
         }
         let name = self.text("file")?.to_owned();
         let pose = unit_pose(self.numbers("qvec")?, self.numbers("tvec")?);
         let pose = pose.ok_or("\"qvec\" is of another length than 1, or \"tvec\" not finite")?;
         let split = self.value["split"].as_str().map(str::to_owned);
         let order = self.value["index"].as_f64().unwrap_or(self.order as f64);
-        let file = self.folder.join(&name);
+        let file = self.picture(&name);
         Ok((order, PosedInput { name, file, lens, pose, split, mask: None }))
     }
 

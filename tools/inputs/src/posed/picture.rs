@@ -8,7 +8,7 @@ use nvsprior::image::Mask;
 use nvsprior::{Camera, Picture};
 
 use super::{PosedError, PosedInput};
-use crate::frame_file::{FrameFileError, open_image, same_shape};
+use crate::frame_file::{FrameFileError, alpha, open_image, same_shape};
 use crate::undistort::undistort;
 
 impl PosedInput {
@@ -23,30 +23,45 @@ impl PosedInput {
     }
 
     /// [`PosedInput::load`] with those of its pixels that count: all of which lies on the picture as
-    /// it was taken, and on white of the mask, if there is one.
+    /// it was taken, on what of it is opaque, and on white of the mask, if there is one.
     pub fn load_masked(&self, to: &Camera) -> Result<(Picture, Mask), PosedError> {
         let (picture, mut counts) = self.undistorted(to)?;
         if let Some(path) = &self.mask {
             let grey = open_image(path)?.to_luma8();
-            let lens = self.lens_for(grey.dimensions(), path)?;
-            let failed = |error| PosedError::Lens { path: path.clone(), error };
-            let (width, height) = grey.dimensions();
-            let white = grey.as_raw().iter().map(|value| *value >= Mask::WHITE).collect();
-            let white = Mask { width, height, data: white };
-            counts.intersect(&white.undistorted(&lens, to).map_err(failed)?);
+            counts.intersect(&self.mask_of(grey.dimensions(), grey.as_raw(), path, to)?);
         }
         Ok((picture, counts))
+    }
+
+    /// What counts by the values of a picture of this size, at the camera's.
+    fn mask_of(
+        &self,
+        (width, height): (u32, u32),
+        values: &[u8],
+        path: &Path,
+        to: &Camera,
+    ) -> Result<Mask, PosedError> {
+        let lens = self.lens_for((width, height), path)?;
+        let failed = |error| PosedError::Lens { path: path.to_path_buf(), error };
+        let white = values.iter().map(|value| *value >= Mask::WHITE).collect();
+        Mask { width, height, data: white }.undistorted(&lens, to).map_err(failed)
     }
 
     fn undistorted(&self, to: &Camera) -> Result<(Picture, Mask), PosedError> {
         let failed = |error: LensError| PosedError::Lens { path: self.file.clone(), error };
         to.check().map_err(|error| failed(error.into()))?;
-        let found = open_image(&self.file)?.to_rgb8();
+        let found = open_image(&self.file)?;
+        let alpha = alpha(&found);
+        let found = found.into_rgb8();
         let (width, height) = found.dimensions();
         let lens = self.lens_for((width, height), &self.file)?;
+        let opaque = alpha.map(|alpha| self.mask_of((width, height), &alpha, &self.file, to));
+        let opaque = opaque.transpose()?;
         if !lens.is_only_resized(to) {
             let found = Picture { width, height, data: found.into_raw() };
-            return undistort(&lens, &found, to).map_err(failed);
+            let (picture, mut counts) = undistort(&lens, &found, to).map_err(failed)?;
+            opaque.iter().for_each(|opaque| counts.intersect(opaque));
+            return Ok((picture, counts));
         }
         let found = if (width, height) == (to.width, to.height) {
             found
@@ -54,7 +69,7 @@ impl PosedInput {
             image::imageops::resize(&found, to.width, to.height, FilterType::Lanczos3)
         };
         let picture = Picture { width: to.width, height: to.height, data: found.into_raw() };
-        Ok((picture, Mask::all(to.width, to.height)))
+        Ok((picture, opaque.unwrap_or_else(|| Mask::all(to.width, to.height))))
     }
 
     /// The lens for a picture of this size.

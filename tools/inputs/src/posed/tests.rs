@@ -174,3 +174,43 @@ fn masks_go_by_name_and_white_counts() {
     let input = &posed_pictures(&path, &options).unwrap().inputs[1];
     assert!(message(input.load_masked(&input.lens.pinhole())).contains("masks/images/b.png"));
 }
+
+/// Alpha is a mask, not a colour; a frame that is encoded has none.
+#[test]
+fn what_is_transparent_does_not_count() {
+    let folder = dive();
+    let path = folder.path().join("images/a.png");
+    let half = |x: u32| if x < 20 { 255 } else { 0 };
+    let pixel = |x, _| image::Rgba([50, 50, 50, half(x)]);
+    image::RgbaImage::from_fn(40, 30, pixel).save(&path).unwrap();
+    let cameras = with_cameras(&folder, &cameras());
+    let listed = posed_pictures(&cameras, &PosedOptions::default()).unwrap();
+    let camera = listed.inputs[0].lens.pinhole();
+    for camera in [camera, camera.reduced(2)] {
+        let (_, counts) = listed.inputs[0].load_masked(&camera).unwrap();
+        let at = |x: u32| counts.data[(camera.width * 5 + x) as usize];
+        assert!(at(1) && at(camera.width / 2 - 2));
+        assert!(!at(camera.width / 2 + 1) && !at(camera.width - 1));
+    }
+    let error = read_frame(&path, 40, 30).unwrap_err().to_string();
+    assert!(error.contains("a.png") && error.contains("transparent"), "{error}");
+    image::RgbaImage::from_pixel(40, 30, image::Rgba([50, 50, 50, 255])).save(&path).unwrap();
+    assert_eq!(read_frame(&path, 40, 30).unwrap().data[..3], [50; 3]);
+}
+
+#[test]
+fn a_broken_jpeg_is_told_by_name() {
+    let folder = dive();
+    let path = folder.path().join("images/a.png");
+    let picture = image::RgbImage::from_fn(40, 30, |x, y| image::Rgb([(x * 6) as u8, y as u8, 9]));
+    picture.save_with_format(&path, image::ImageFormat::Jpeg).unwrap();
+    assert!(read_frame(&path, 40, 30).is_ok());
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 100]).unwrap();
+    let error = read_frame(&path, 40, 30).unwrap_err().to_string();
+    assert!(error.contains("a.png") && error.contains("cut off"), "{error}");
+    let cameras = with_cameras(&folder, &cameras());
+    let listed = posed_pictures(&cameras, &PosedOptions::default()).unwrap();
+    let camera = listed.inputs[0].lens.pinhole();
+    assert!(message(listed.inputs[0].load(&camera)).contains("cut off"));
+}

@@ -53,6 +53,12 @@ pub struct Structure {
     pub scale: f64,
 }
 
+/// The files of a folder's pictures and of those below it. Their sizes must be as their lenses want them.
+pub fn pictures(folder: &Path, lenses: Lenses) -> Result<Vec<PathBuf>, StructureError> {
+    let Listed { folder, names, .. } = Listed::of(folder, lenses)?;
+    Ok(names.iter().map(|name| folder.join(name)).collect())
+}
+
 /// Finds the poses of the pictures in a folder and below it. COLMAP works in the folder `work`, which is made if it is
 /// not there. What an earlier run finished there with the same pictures and options is not done again.
 pub fn find_poses(

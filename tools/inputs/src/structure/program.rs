@@ -26,15 +26,23 @@ pub struct Program {
     help: String,
 }
 
+/// A path that holds from every folder; a bare name is looked for on the PATH.
+fn whole(path: &Path) -> PathBuf {
+    match path.components().count() {
+        0 | 1 => path.to_path_buf(),
+        _ => std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf()),
+    }
+}
+
 impl Program {
     /// A COLMAP, by its path or its name on the PATH.
     pub fn colmap(path: &Path) -> Result<Program, StructureError> {
-        Program { path: path.to_path_buf(), script: None, help: String::new() }.asked()
+        Program { path: whole(path), script: None, help: String::new() }.asked()
     }
 
     /// A Python that has pycolmap.
     pub fn python(path: &Path) -> Result<Program, StructureError> {
-        Program { path: path.to_path_buf(), script: Some(BY_PYTHON), help: String::new() }.asked()
+        Program { path: whole(path), script: Some(BY_PYTHON), help: String::new() }.asked()
     }
 
     /// Asks it what it is. Another program than these is refused.

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use nvsprior::Picture;
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_paper::Decoder;
+use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
 
 use super::encode::ENDING;
 
@@ -22,12 +23,16 @@ pub struct Args {
     #[arg(long, alias = "frames", value_name = "DIR")]
     pictures: PathBuf,
     #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = values::files(&args.packets, ENDING, "packets")?;
-    values::make_folder("--pictures", &args.pictures)?;
+    let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+    let overwrite = args.overwrite.overwrite;
+    let mut pictures = FrameFolder::open("--pictures", &args.pictures, kind, overwrite)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let (mut decoder, mut picture) = (Decoder::new(&engine, &scene), Picture::default());
@@ -35,12 +40,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for path in &packets {
         let packet = std::fs::read(path).with_context(|| path.display().to_string())?;
         decoder.decode(&packet, &mut picture).with_context(|| path.display().to_string())?;
-        let name = path.with_extension("png");
-        let name = name.file_name().context("a packet without a name")?;
-        nvsprior_runs::write_png(&args.pictures.join(name), &picture)?;
+        let name = path.file_stem().context("a packet without a name")?;
+        pictures.write_picture(&name.to_string_lossy(), &picture)?;
         bar.inc(1);
     }
     bar.finish_and_clear();
+    pictures.finish()?;
     println!("{} packets decoded", packets.len());
     args.device.check(&engine)
 }

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use anyhow::Context as _;
 use nvsprior::Rate;
-use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress};
+use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, progress};
 use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::summary::{self, Row};
 use nvsprior_inputs::values::{self, named};
 use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions, Optimizer};
+use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
 
 use crate::args::OPTIMIZERS;
 use crate::bench::StartArgs;
@@ -54,6 +55,8 @@ pub struct Args {
     #[arg(long, alias = "frames-out", value_name = "DIR")]
     pictures: Option<PathBuf>,
     #[command(flatten)]
+    overwrite: OverwriteArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -80,10 +83,12 @@ impl Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut frames = args.input.frames()?;
     args.start.move_first(&mut frames);
-    values::make_folder("--packets", &args.packets)?;
-    if let Some(folder) = &args.pictures {
-        values::make_folder("--pictures", folder)?;
-    }
+    let open =
+        |option, folder, kind| FrameFolder::open(option, folder, kind, args.overwrite.overwrite);
+    let mut packets = open("--packets", &args.packets, FrameKind::Ending(ENDING))?;
+    let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+    let pictures = args.pictures.as_deref().map(|folder| open("--pictures", folder, kind));
+    let mut pictures = pictures.transpose()?;
     if let Some(file) = &args.summary {
         values::check_file("--summary", file)?;
     }
@@ -96,12 +101,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let encoding = || format!("encoding {}", input.path.display());
         encoder.set_camera(&input.camera).with_context(encoding)?;
         let encoded = encoder.encode(&input.read()?, input.external).with_context(encoding)?;
-        let packet = args.packets.join(&input.name).with_added_extension(ENDING);
-        std::fs::write(&packet, &encoded.packet)
-            .with_context(|| format!("writing {}", packet.display()))?;
-        if let Some(folder) = &args.pictures {
-            let path = folder.join(&input.name).with_added_extension("png");
-            nvsprior_runs::write_png(&path, &encoded.picture)?;
+        packets.write(&format!("{}.{ENDING}", input.name), &encoded.packet)?;
+        if let Some(folder) = &mut pictures {
+            folder.write_picture(&input.name, &encoded.picture)?;
         }
         let time = input.external.time;
         rows.push(Row { file: input.file, time, pose: encoded.pose, stats: encoded.stats });
@@ -112,5 +114,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.summary {
         summary::write(path, &rows)?;
     }
+    packets.finish()?;
+    pictures.as_mut().map_or(Ok(()), FrameFolder::finish)?;
     args.device.check(&engine)
 }

@@ -11,7 +11,7 @@ fn frames(summary: &Value) -> &[Value] {
 
 /// Encodes the dive to `packets`; the summary.
 fn encode(dive: &Dive, args: &str) -> Value {
-    let fixed = "--packets packets --summary summary.json";
+    let fixed = "--packets packets --overwrite --summary summary.json";
     dive.run(&format!("paper encode {INPUT} {fixed} {args}")).ends_with(0);
     dive.json("summary.json")
 }
@@ -21,7 +21,8 @@ fn a_dive_is_encoded_and_decoded_by_two_processes() {
     let dive = Dive::new();
     let offset = "--start-offset 0.05,-0.04,0.06,1.1,-1.7,1.1";
     let summary = encode(&dive, &format!("{offset} --threshold 1 --quality 10 --pictures seen"));
-    dive.run("paper decode --prior prior.ply --packets packets --pictures topside").ends_with(0);
+    dive.run("paper decode --prior prior.ply --packets packets --overwrite --pictures topside")
+        .ends_with(0);
     for (t, row) in frames(&summary).iter().enumerate() {
         assert_eq!(row["bytes"], dive.bytes(&format!("packets/{t}.paper")).len());
         assert!(row["full_renders"].as_f64() > Some(3.0), "a gradient method: {row}");
@@ -44,7 +45,7 @@ fn the_papers_pose_has_seven_floats() {
 #[test]
 fn wrong_usage_ends_with_2() {
     let dive = Dive::without_frames();
-    let encode = format!("paper encode {INPUT} --packets p");
+    let encode = format!("paper encode {INPUT} --packets p --overwrite");
     for (args, named) in [
         ("--start-offset 1,2,3", "6 numbers are due, but 3 were given"),
         ("--start-offset 1,2,3,4,5,nan", "finite"),

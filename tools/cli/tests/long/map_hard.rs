@@ -168,20 +168,6 @@ fn a_report_that_cannot_be_written_is_named_before_any_work() {
     assert!(!dive.path("a.ply").exists());
 }
 
-/// Runs the tool with files limited to so many bytes: what is longer fails, as on a full disk.
-#[cfg(unix)]
-fn run_limited(dive: &Dive, bytes: u64, args: &str) -> (Option<i32>, String) {
-    let blocks = bytes / 512;
-    // Without a handler the signal would end the process: a full disk sends none.
-    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" {args}");
-    let output = Command::new("sh")
-        .args(["-c", &script, env!("CARGO_BIN_EXE_nvsprior")])
-        .current_dir(dive.path(""))
-        .output()
-        .unwrap();
-    (output.status.code(), String::from_utf8(output.stderr).unwrap())
-}
-
 /// The bytes of a training's state and of its prior, for `MAP`.
 const STATE: u64 = 300 * 23 * 12;
 
@@ -194,7 +180,7 @@ fn a_full_disk_keeps_what_is_there() {
     assert!((prior.len() as u64) < STATE / 2);
     // A state cannot be saved: training goes on, to the same prior.
     let args = format!("{MAP} --out b.ply --save-every 0");
-    let (code, said) = run_limited(&dive, STATE / 2, &args);
+    let (code, said) = dive.run_limited(STATE / 2, &args);
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("warning: ") && said.contains("b.ply.training"), "{said}");
     assert_eq!(dive.bytes("b.ply"), prior);
@@ -203,7 +189,7 @@ fn a_full_disk_keeps_what_is_there() {
     std::fs::write(dive.path("c.ply"), b"an earlier prior").unwrap();
     let state = killed_at(&dive, "c.ply", 8, false);
     let args = format!("{MAP} --out c.ply --save-every 0 --resume");
-    let (code, said) = run_limited(&dive, 4096, &args);
+    let (code, said) = dive.run_limited(4096, &args);
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("c.ply"), "{said}");
     assert_eq!(dive.bytes("c.ply"), b"an earlier prior");
@@ -222,7 +208,7 @@ fn a_full_disk_keeps_what_is_there() {
 fn a_full_disk_does_not_end_training_for_its_report() {
     let dive = Dive::new();
     let args = format!("{MAP} --out a.ply --report report");
-    let (code, said) = run_limited(&dive, 40_960, &args);
+    let (code, said) = dive.run_limited(40_960, &args);
     assert!(dive.path("a.ply").exists(), "{code:?} {said}");
     assert!(said.contains("warning: report: "), "{said}");
 }

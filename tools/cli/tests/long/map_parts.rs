@@ -87,7 +87,7 @@ fn a_run_in_parts_becomes_one_prior() {
     assert_eq!(flat["images"].as_array().unwrap().len(), PICTURES);
     assert!(!dive.path("a.nvsb.parts").exists(), "{}", made.stderr);
     let encode = "encode --prior a.nvsb --prior-memory 8 --cameras run.json --split other";
-    dive.run(&format!("{encode} --packets packets")).ends_with(0);
+    dive.run(&format!("{encode} --packets packets --overwrite")).ends_with(0);
     // The same input, the same prior, whatever the file is.
     dive.run(&format!("{MAP} --out b.nvsb")).ends_with(0);
     assert_eq!(dive.bytes("a.nvsb"), dive.bytes("b.nvsb"));
