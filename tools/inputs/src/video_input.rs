@@ -53,6 +53,9 @@ impl VideoInputArgs {
         };
         let video = Video::open(path, self.decoder)?;
         tell!("{}", video.command);
+        for note in &video.notes {
+            tell!("{}: {note}", video.name());
+        }
         let lens = lens_for(&lens, &video)?;
         let camera = input.size.reduced(&lens.pinhole());
         camera.check().with_context(|| of.clone())?;

@@ -62,6 +62,33 @@ fn every_frame_comes_once_with_its_time() {
 }
 
 #[test]
+fn the_longest_track_that_moves_is_taken_and_told() {
+    let making = Making::new();
+    let video = making.video("plain.mp4", (0..20).map(|i| shade(64, 36, i)), 10.0);
+    for (name, scale) in [("small.mkv", "scale=32:18"), ("large.mkv", "scale=96:54")] {
+        let covered = making.covered(name, &video, scale);
+        for decoder in decoders() {
+            let (frames, ended) = all_frames(&covered, decoder, FrameSize::Full);
+            let found = (frames.len(), frames[0].size(), ended);
+            assert_eq!(found, (20, (64, 36), Ended::Whole), "{decoder:?} {name}");
+            let notes = Video::open(&covered, choice(decoder)).unwrap().notes;
+            let said = match decoder {
+                Decoder::Gstreamer => "track of pictures 1 is taken",
+                Decoder::Ffmpeg => "track 1 (h264, 64×36) is taken",
+            };
+            assert!(notes.len() == 1 && notes[0].contains(said), "{notes:?}");
+            assert!(Video::open(&video, choice(decoder)).unwrap().notes.is_empty());
+            let reduced = all_frames(&covered, decoder, FrameSize::AtMost(40)).0;
+            assert_eq!((reduced.len(), reduced[0].size().0), (20, 40), "{decoder:?} {name}");
+        }
+    }
+    let covered = making.covered("cover.mp4", &video, "scale=32:18");
+    for decoder in decoders() {
+        assert_eq!(all_frames(&covered, decoder, FrameSize::Full).0.len(), 20, "{decoder:?}");
+    }
+}
+
+#[test]
 fn rotated_videos_come_upright() {
     let making = Making::new();
     let video = making.video("lies.mp4", (0..4).map(|_| making::halves(64, 36)), 10.0);

@@ -77,6 +77,9 @@ fn describe(video: &Video, watch: Watch) {
     let length = video.duration.map_or("unknown length".into(), |length| format!("{length:.1} s"));
     watch(Progress::Says(format!("{name}: {}×{}, {length}", header.width, header.height)));
     watch(Progress::Says(format!("  {}", video.command)));
+    for note in &video.notes {
+        watch(Progress::Says(format!("{name}: {note}")));
+    }
     if header.high_dynamic_range {
         watch(Progress::Warns(format!(
             "{name}: high dynamic range (PQ or HLG) is taken as it is, so pictures look pale; a video of standard \

@@ -23,6 +23,9 @@ pub struct Probe {
     pub frames: Option<f64>,
     /// The program's name of the codec.
     pub codec: String,
+    /// The track that is taken, by its number; and what is said of the choice, if there is one.
+    pub track: Option<usize>,
+    pub choice: Option<String>,
     /// Whether there is a track of pictures, if that is known.
     pub has_video: Option<bool>,
     /// Tracks that are neither pictures nor sound, such as subtitles with positions.
@@ -40,9 +43,10 @@ impl Probe {
 }
 
 fn ffprobe(video: &Path) -> Option<Probe> {
-    let words = "-v error -of json -show_entries \
-        format=duration:stream=codec_type,codec_name,codec_tag_string,duration,nb_frames,avg_frame_rate:\
-        stream_disposition=attached_pic";
+    // The first packets tell which tracks move.
+    let words = "-v error -of json -count_packets -read_intervals %+#200 -show_entries \
+        format=duration:stream=index,codec_type,codec_name,codec_tag_string,width,height,duration,nb_frames,\
+        nb_read_packets,avg_frame_rate:stream_disposition=attached_pic";
     let mut command = Command::new("ffprobe");
     command.args(words.split(' ')).arg(protocol(video));
     let (text, _) = said_by(command, |_| false);
@@ -56,16 +60,14 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
     let pictures = |stream: &&serde_json::Value| {
         kind(stream) == "video" && stream["disposition"]["attached_pic"] != 1
     };
-    let seconds = |value: &serde_json::Value| -> Option<f64> {
-        value.as_str()?.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds > 0.0)
-    };
     let others = streams.iter().filter_map(|stream| {
         let kind = kind(stream);
         let name = ["codec_name", "codec_tag_string"].iter().find_map(|key| stream[key].as_str());
         let other = !["video", "audio", ""].contains(&kind.as_str());
         other.then(|| format!("{kind} ({})", name.unwrap_or("unknown")))
     });
-    let video = streams.iter().find(pictures);
+    let tracks: Vec<_> = streams.iter().filter(pictures).collect();
+    let (video, choice) = longest(&tracks).unzip();
     let own = video.and_then(|stream| seconds(&stream["duration"]));
     let duration = own.or_else(|| seconds(&json["format"]["duration"]));
     let counted = video.and_then(|stream| seconds(&stream["nb_frames"]));
@@ -75,9 +77,51 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
         duration,
         frames: counted.or_else(|| Some(duration? * rate?)),
         codec: codec.to_owned(),
+        track: video.and_then(|stream| Some(stream["index"].as_u64()? as usize)),
+        choice: choice.flatten(),
         has_video: Some(video.is_some()),
         others: others.collect(),
     })
+}
+
+/// A number above zero that ffprobe writes as text.
+fn seconds(value: &serde_json::Value) -> Option<f64> {
+    value.as_str()?.parse().ok().filter(|seconds: &f64| seconds.is_finite() && *seconds > 0.0)
+}
+
+/// The longest track of pictures that moves, and what is said of it if there are others. Of those that are nearly as
+/// long, the largest; of those, the first.
+fn longest<'a>(
+    tracks: &[&'a serde_json::Value],
+) -> Option<(&'a serde_json::Value, Option<String>)> {
+    /// So much of the longest is nearly as long.
+    const NEARLY: f64 = 0.9;
+    let length = |track: &serde_json::Value| seconds(&track["duration"]).unwrap_or(0.0);
+    let moves =
+        |track: &serde_json::Value| seconds(&track["nb_read_packets"]).is_none_or(|n| n > 1.0);
+    let side = |track: &serde_json::Value, key: &str| track[key].as_u64().unwrap_or(0);
+    let area = |track: &serde_json::Value| side(track, "width") * side(track, "height");
+    let most = tracks.iter().filter(|of| moves(of)).map(|of| length(of)).fold(0.0, f64::max);
+    let worth = |track: &serde_json::Value| {
+        let suits = moves(track) && length(track) >= NEARLY * most;
+        (suits, area(track))
+    };
+    let best = tracks.iter().rev().copied().max_by_key(|track| worth(track))?;
+    let said = (tracks.len() > 1).then(|| {
+        let name = |track: &serde_json::Value| {
+            let [width, height] = ["width", "height"].map(|key| side(track, key));
+            format!("{} ({}, {width}×{height})", track["index"], text(&track["codec_name"]))
+        };
+        let others = tracks.iter().copied().filter(|of| of["index"] != best["index"]);
+        let others: Vec<String> = others.map(name).collect();
+        let others = others.join(", ");
+        format!("track {} is taken, the longest that moves, not {others}", name(best))
+    });
+    Some((best, said))
+}
+
+fn text(value: &serde_json::Value) -> &str {
+    value.as_str().unwrap_or_default()
 }
 
 /// GStreamer's command-line program tells lengths only while it plays, so it plays a moment. Now and then it hangs, or
@@ -209,6 +253,24 @@ mod tests {
         let sound = r#"{"streams": [{"codec_type": "audio"}], "format": {}}"#;
         assert_eq!(parse_ffprobe(sound).unwrap().has_video, Some(false));
         assert_eq!(parse_ffprobe("{"), None);
+        let track = |number: usize, packets: usize, seconds: &str, width: usize| {
+            format!(
+                r#"{{"index": {number}, "codec_type": "video", "codec_name": "h264", "nb_read_packets": "{packets}",
+                "duration": "{seconds}", "width": {width}, "height": 90}}"#
+            )
+        };
+        // A cover, a preview, the video, a longer one that is a single picture.
+        for (tracks, taken) in [
+            ([track(0, 1, "0.1", 900), track(1, 90, "9.9", 160), track(2, 90, "9.8", 640)], 2),
+            ([track(0, 50, "99", 160), track(1, 50, "9", 640), track(3, 1, "99", 640)], 0),
+            ([track(0, 50, "N/A", 640), track(1, 50, "N/A", 640), track(3, 1, "N/A", 900)], 0),
+        ] {
+            let text = format!(r#"{{"streams": [{}], "format": {{}}}}"#, tracks.join(", "));
+            let probe = parse_ffprobe(&text).unwrap();
+            assert_eq!(probe.track, Some(taken), "{text}");
+            let choice = probe.choice.unwrap();
+            assert!(choice.starts_with(&format!("track {taken} (h264, ")), "{choice}");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::VideoError;
-use super::decoder::{Decoder, FrameSize};
+use super::decoder::{Decoder, FrameSize, Way};
 use super::frame::{Layout, VideoFrame};
 use super::matroska::{Header, Matroska};
 use crate::child::{Running, shown};
@@ -60,14 +60,13 @@ impl VideoReader {
     pub fn start(
         path: &Path,
         decoder: Decoder,
+        way: &Way,
         size: FrameSize,
         frames: &[usize],
     ) -> Result<VideoReader, VideoError> {
         let mut last = Err(VideoError::NoDecoder);
         for patience in FIRST {
-            let mut command = Command::new(decoder.program());
-            command.args(decoder.arguments(path, size, frames));
-            last = VideoReader::try_start(path, decoder, command, patience);
+            last = VideoReader::try_start(path, decoder, (way, size, frames), patience);
             if !matches!(last, Err(VideoError::Hangs { .. })) {
                 break;
             }
@@ -75,12 +74,19 @@ impl VideoReader {
         last
     }
 
+    /// The same, without a second try.
+    pub fn once(path: &Path, decoder: Decoder, way: &Way) -> Result<VideoReader, VideoError> {
+        VideoReader::try_start(path, decoder, (way, FrameSize::Full, &[]), FIRST[0])
+    }
+
     fn try_start(
         path: &Path,
         decoder: Decoder,
-        command: Command,
+        (way, size, frames): (&Way, FrameSize, &[usize]),
         patience: Duration,
     ) -> Result<VideoReader, VideoError> {
+        let mut command = Command::new(decoder.program());
+        command.args(decoder.arguments(path, way, size, frames));
         let shown = shown(&command);
         let started = Running::with_output(command);
         let (running, output) = started.map_err(|error| match error.kind() {
@@ -118,6 +124,15 @@ impl VideoReader {
     /// The program with its arguments.
     pub fn command(&self) -> &str {
         &self.command
+    }
+
+    /// The first frames: at most so many, as far as they come without a long wait.
+    pub fn first_frames(&mut self, most: usize) -> Vec<VideoFrame> {
+        let next = |_| match self.message(FIRST[0]) {
+            Ok(Some(Message::Frame(frame))) => Some(frame),
+            _ => None,
+        };
+        (0..most).map_while(next).collect()
     }
 
     /// How the video ended, once it has.

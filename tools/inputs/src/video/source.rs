@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::decoder::{Decoder, DecoderChoice, FrameSize};
+use super::decoder::{Decoder, DecoderChoice, FrameSize, Way};
 use super::probe::Probe;
 use super::reader::VideoReader;
 use super::{Header, VideoError};
@@ -13,6 +13,7 @@ pub struct Video {
     /// Absolute.
     pub path: PathBuf,
     pub decoder: Decoder,
+    pub way: Way,
     pub header: Header,
     /// Seconds, as its file says.
     pub duration: Option<f64>,
@@ -24,6 +25,8 @@ pub struct Video {
     pub codec: String,
     /// Tracks that are neither pictures nor sound.
     pub others: Vec<String>,
+    /// What is to be told of it before it is decoded: which of its tracks is taken.
+    pub notes: Vec<String>,
     /// How it is decoded.
     pub command: String,
 }
@@ -59,16 +62,26 @@ impl Video {
         if probe.has_video == Some(false) {
             return Err(VideoError::NoPictures { path: path.to_path_buf() });
         }
-        let reader = VideoReader::start(path, decoder, FrameSize::Full, &[])?;
+        let mut way = Way { track: probe.track };
+        let mut notes: Vec<String> = probe.choice.into_iter().collect();
+        let mut reader = VideoReader::start(path, decoder, &way, FrameSize::Full, &[])?;
+        let moves = decoder == Decoder::Ffmpeg || reader.first_frames(2).len() == 2;
+        if let Some((number, next)) = (!moves).then(|| moving(path)).flatten() {
+            way.track = Some(number);
+            notes.push(format!("track of pictures {number} is taken: none before it moves"));
+            reader = next;
+        }
         Ok(Video {
             path: path.to_path_buf(),
             decoder,
+            way,
             header: *reader.header(),
             duration: probe.duration,
             frames: probe.frames,
             bytes,
             codec: probe.codec,
             others: probe.others,
+            notes,
             command: reader.command().to_owned(),
         })
     }
@@ -81,7 +94,7 @@ impl Video {
     /// The same for the frames of these numbers, in rising order. Others may come between; each has its time, and no
     /// number of its own.
     pub fn read_some(&self, size: FrameSize, frames: &[usize]) -> Result<VideoReader, VideoError> {
-        VideoReader::start(&self.path, self.decoder, size, frames)
+        VideoReader::start(&self.path, self.decoder, &self.way, size, frames)
     }
 
     /// Its file's name, for messages.
@@ -95,4 +108,18 @@ impl Video {
     pub fn share(&self, time: f64) -> Option<f64> {
         Some((time / self.duration?).clamp(0.0, 1.0))
     }
+}
+
+/// GStreamer's next track of pictures that moves, if the first does not: a cover may come first.
+fn moving(path: &Path) -> Option<(usize, VideoReader)> {
+    const MOST: usize = 4;
+    for number in 1..MOST {
+        let way = Way { track: Some(number) };
+        // There is no such track.
+        let mut reader = VideoReader::once(path, Decoder::Gstreamer, &way).ok()?;
+        if reader.first_frames(2).len() == 2 {
+            return Some((number, reader));
+        }
+    }
+    None
 }

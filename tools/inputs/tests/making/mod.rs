@@ -71,6 +71,16 @@ impl Making {
         path
     }
 
+    /// The video behind a track that is a single picture, larger or smaller than its own.
+    pub fn covered(&self, name: &str, video: &Path, scale: &str) -> PathBuf {
+        let path = self.path(name);
+        let (file, cover) = (text(video), ["-c:v:0", "mjpeg", "-frames:v:0", "1", "-filter:v:0"]);
+        let tracks = ["-i", file, "-map", "0:v", "-map", "0:v", "-c:v:1", "copy"];
+        let words = [&["-v", "error", "-y"][..], &tracks, &cover, &[scale, text(&path)]].concat();
+        self.run("ffmpeg", &words);
+        path
+    }
+
     /// The video, then the same at half the size, in one stream.
     pub fn resized(&self, name: &str, video: &Path) {
         let [whole, half, list] = ["1.mkv", "2.mkv", "list.txt"].map(|file| self.path(file));
