@@ -61,6 +61,93 @@ fn every_frame_comes_once_with_its_time() {
     }
 }
 
+/// The times of a video's frames.
+fn times(frames: &[VideoFrame]) -> Vec<f64> {
+    frames.iter().map(|frame| (1e3 * frame.time).round() / 1e3).collect()
+}
+
+#[test]
+fn every_frame_counts_whatever_its_time_is() {
+    let making = Making::new();
+    let coded = making.video("coded.mp4", (0..24).map(|i| shade(64, 36, i)), 10.0);
+    let video = making.in_order(&coded, "in order.mp4");
+    let at = |step: f64, start: f64| (0..24).map(move |i| start + step * f64::from(i));
+    let steady: Vec<f64> = times_of(at(0.1, 0.0));
+    let cases = [
+        ("back.mkv", "if(gte(N\\,12)\\,TS-1/TB\\,TS)", steady.clone(), "the times of 1"),
+        ("far back.mkv", "if(gte(N\\,12)\\,TS-1.2/TB\\,TS)", steady.clone(), "the times of 12 "),
+        ("zero.mkv", "0", steady.clone(), "the times of 23 "),
+        ("late.mkv", "TS+3600/TB", steady.clone(), ""),
+        ("forth.mkv", "if(gte(N\\,12)\\,TS+7200/TB\\,TS)", Vec::new(), ""),
+    ];
+    let made = cases.map(|(name, filter, expected, said)| {
+        (making.remade(&video, name, filter), expected, said)
+    });
+    let bare = making.bare(&video, "bare.mjpeg");
+    let bare = (bare, times_of(at(0.04, 0.0)), "a bare stream has no times: 25 frames");
+    for (path, expected, said) in made.into_iter().chain([bare]) {
+        let mut found = Vec::new();
+        for decoder in decoders() {
+            let (frames, ended) = all_frames(&path, decoder, FrameSize::Full);
+            assert_eq!((frames.len(), ended), (24, Ended::Whole), "{decoder:?} {path:?}");
+            for (i, frame) in frames.iter().enumerate() {
+                let off = (mean(frame) - making::level(i as u32)).abs();
+                assert!(frame.index == i && off < 3.0, "{decoder:?} {path:?} {i}: {off}");
+            }
+            let times = times(&frames);
+            assert!(times.is_sorted_by(|a, b| a < b), "{decoder:?} {path:?}: {times:?}");
+            assert!(expected.is_empty() || times == expected, "{decoder:?} {path:?}: {times:?}");
+            found.push(times);
+            // No word of a video that is cut off.
+            let video = Video::open(&path, choice(decoder)).unwrap();
+            let mut reader = video.read(FrameSize::Full).unwrap();
+            while reader.next_frame().unwrap().is_some() {}
+            let notes = video.told(&reader, *found.last().unwrap().last().unwrap()).join("\n");
+            assert_eq!(notes.is_empty(), said.is_empty(), "{decoder:?} {path:?}: {notes}");
+            assert!(notes.contains(said) && !notes.contains("cut off"), "{decoder:?}: {notes}");
+        }
+        assert!(found.windows(2).all(|pair| pair[0] == pair[1]), "{path:?}: {found:?}");
+    }
+}
+
+fn times_of(times: impl Iterator<Item = f64>) -> Vec<f64> {
+    times.map(|time| (1e3 * time).round() / 1e3).collect()
+}
+
+/// Pictures of one video with good times and with times that jump are the same, by both decoders.
+#[test]
+fn frames_for_a_mapping_do_not_depend_on_times_that_jump() {
+    let making = Making::new();
+    let pan = making.video("coded.mp4", (0..40).map(|i| pan(i, 0)), 10.0);
+    let steady = making.in_order(&pan, "dive.mp4");
+    let back = making.remade(&steady, "dive.mkv", "if(gte(N\\,20)\\,TS-1.5/TB\\,TS)");
+    let cut = std::fs::read(&back).unwrap();
+    making.write("cut.mkv", &cut[..cut.len() * 7 / 10]);
+    let mut all: Vec<Vec<(String, f64, Vec<u8>)>> = Vec::new();
+    for decoder in decoders() {
+        let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
+        for (name, said) in [("dive.mp4", ""), ("dive.mkv", "the times of")] {
+            let (record, notes) = choose(&making, &[name], &options);
+            assert_eq!(notes.is_empty(), said.is_empty(), "{decoder:?} {name}: {notes:?}");
+            assert!(notes.join("\n").contains(said), "{notes:?}");
+            assert!(!notes.join("\n").contains("cut off"), "{notes:?}");
+            let bytes = |file: &str| std::fs::read(making.path("frames").join(file)).unwrap();
+            let time = |time: f64| (1e3 * time).round() / 1e3;
+            let frames = record.frames.iter();
+            let frames = frames.map(|of| (of.file.clone(), time(of.time), bytes(&of.file)));
+            all.push(frames.collect());
+        }
+        if decoder == Decoder::Ffmpeg {
+            let (_, notes) = choose(&making, &["cut.mkv"], &options);
+            assert!(notes.join("\n").contains("is cut off"), "{notes:?}");
+        }
+    }
+    assert!(all[0].len() > 3);
+    for other in &all[1..] {
+        assert!(*other == all[0], "{:?}", all.iter().map(Vec::len).collect::<Vec<_>>());
+    }
+}
+
 #[test]
 fn the_longest_track_that_moves_is_taken_and_told() {
     let making = Making::new();

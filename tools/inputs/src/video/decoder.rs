@@ -31,6 +31,10 @@ pub enum Decoder {
 pub struct Way {
     /// The track of pictures, by the decoder's own number; `None`: its first one.
     pub track: Option<usize>,
+    /// Frames per second, as the file states.
+    pub rate: Option<f64>,
+    /// The file is a bare stream, without times.
+    pub untimed: bool,
 }
 
 /// How frames come out of it.
@@ -112,11 +116,13 @@ fn gstreamer(video: &Path, way: &Way, size: FrameSize) -> Vec<OsString> {
         FrameSize::Full => String::new(),
         FrameSize::AtMost(width) => format!(",width=(int)[1,{width}]"),
     };
+    // The muxer leaves out frames without a time. So each gets one, by its bytes.
+    let times = if way.untimed { "identity datarate=1000000 ! " } else { "" };
     let words = format!(
         "-q uridecodebin name=d uri={} caps=video/x-raw(ANY) expose-all-streams=false d.src_{} ! queue ! \
          videoflip video-direction=auto ! videoscale add-borders=false ! videoconvert ! \
          video/x-raw,format=I420,pixel-aspect-ratio=1/1{width} ! \
-         matroskamux streamable=true timecodescale=1000 min-cluster-duration=0 ! fdsink fd=1",
+         {times}matroskamux streamable=true timecodescale=1000 min-cluster-duration=0 ! fdsink fd=1",
         file_uri(video),
         way.track.unwrap_or(0)
     );

@@ -1,6 +1,7 @@
 //! Video files as frames: decoded by a program beside this one, with their time stamps, and chosen for a mapping.
 
 mod analysis;
+mod clock;
 mod decoder;
 mod encoder;
 mod error;

@@ -26,6 +26,10 @@ pub struct Probe {
     /// The track that is taken, by its number; and what is said of the choice, if there is one.
     pub track: Option<usize>,
     pub choice: Option<String>,
+    /// Frames per second.
+    pub rate: Option<f64>,
+    /// It is a bare stream, which has no times.
+    pub untimed: bool,
     /// Whether there is a track of pictures, if that is known.
     pub has_video: Option<bool>,
     /// Tracks that are neither pictures nor sound, such as subtitles with positions.
@@ -45,13 +49,16 @@ impl Probe {
 fn ffprobe(video: &Path) -> Option<Probe> {
     // The first packets tell which tracks move.
     let words = "-v error -of json -count_packets -read_intervals %+#200 -show_entries \
-        format=duration:stream=index,codec_type,codec_name,codec_tag_string,width,height,duration,nb_frames,\
-        nb_read_packets,avg_frame_rate:stream_disposition=attached_pic";
+        format=format_name,start_time,duration:stream=index,codec_type,codec_name,codec_tag_string,width,height,\
+        duration,nb_frames,nb_read_packets,avg_frame_rate:stream_disposition=attached_pic";
     let mut command = Command::new("ffprobe");
     command.args(words.split(' ')).arg(protocol(video));
     let (text, _) = said_by(command, |_| false);
     parse_ffprobe(&text)
 }
+
+/// FFmpeg's names of formats that have no times.
+const BARE: [&str; 8] = ["h264", "hevc", "mjpeg", "m4v", "mpegvideo", "h263", "vc1", "obu"];
 
 fn parse_ffprobe(text: &str) -> Option<Probe> {
     let json: serde_json::Value = serde_json::from_str(text).ok()?;
@@ -69,7 +76,11 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
     let tracks: Vec<_> = streams.iter().filter(pictures).collect();
     let (video, choice) = longest(&tracks).unzip();
     let own = video.and_then(|stream| seconds(&stream["duration"]));
-    let duration = own.or_else(|| seconds(&json["format"]["duration"]));
+    let format = text(&json["format"]["format_name"]);
+    // Matroska's length counts from 0, whenever its first frame comes.
+    let start = seconds(&json["format"]["start_time"]).filter(|_| format.contains("matroska"));
+    let all = seconds(&json["format"]["duration"]).map(|end| end - start.unwrap_or(0.0));
+    let duration = own.or(all);
     let counted = video.and_then(|stream| seconds(&stream["nb_frames"]));
     let rate = video.and_then(|stream| ratio(stream["avg_frame_rate"].as_str()?));
     let codec = video.and_then(|stream| stream["codec_name"].as_str()).unwrap_or_default();
@@ -79,6 +90,8 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
         codec: codec.to_owned(),
         track: video.and_then(|stream| Some(stream["index"].as_u64()? as usize)),
         choice: choice.flatten(),
+        rate,
+        untimed: BARE.contains(&format),
         has_video: Some(video.is_some()),
         others: others.collect(),
     })
@@ -143,7 +156,7 @@ fn gstreamer(video: &Path) -> Probe {
 /// What it tells, and whether it ended or was ended in time.
 fn gstreamer_once(video: &Path) -> (Probe, bool) {
     let words = format!(
-        "-v --force-position urisourcebin uri={} ! parsebin ! fakesink sync=true",
+        "-v --force-position urisourcebin uri={} ! parsebin ! fakesink silent=false sync=true",
         file_uri(video)
     );
     let mut command = Command::new(Decoder::Gstreamer.program());
@@ -154,12 +167,15 @@ fn gstreamer_once(video: &Path) -> (Probe, bool) {
 
 fn parse_gstreamer(text: &str) -> Probe {
     let mut probe = Probe::default();
-    let mut tracks: Vec<&str> = Vec::new();
+    let (mut tracks, mut whole): (Vec<&str>, Vec<&str>) = Default::default();
     for line in text.split(['\n', '\r']) {
         probe.duration = probe.duration.or_else(|| position(line));
         // Pads of the bin that parses, or of what follows it.
         let Some((pad, caps)) = line.split_once(": caps = ") else { continue };
         let kind = caps.split([',', ' ']).next().unwrap_or_default();
+        if pad.contains("GstTypeFindElement") {
+            whole.push(kind);
+        }
         let parsed = pad.contains("GstParsePad") || pad.contains("fakesink");
         if parsed && kind != "NULL" && !tracks.contains(&kind) {
             tracks.push(kind);
@@ -171,8 +187,14 @@ fn parse_gstreamer(text: &str) -> Probe {
     }
     probe.codec = tracks.iter().find(|kind| is_video(kind)).copied().unwrap_or_default().to_owned();
     let rate = text.split_once("framerate=(fraction)").map_or("", |(_, rest)| rest);
-    let rate = ratio(rate.split([',', ' ', '\n', '\r']).next().unwrap_or_default());
-    probe.frames = probe.duration.zip(rate).map(|(seconds, rate)| seconds * rate);
+    probe.rate = ratio(rate.split([',', ' ', '\n', '\r']).next().unwrap_or_default());
+    // Nothing was taken apart to find the track.
+    probe.untimed = whole.contains(&probe.codec.as_str());
+    // The length counts from 0, whenever the first frame comes.
+    let start = text.split_once("pts: ").and_then(|(_, rest)| clock(rest.split(',').next()?));
+    let length = probe.duration.map(|end| end - start.unwrap_or(0.0));
+    probe.duration = length.filter(|length| *length > 0.0);
+    probe.frames = probe.duration.zip(probe.rate).map(|(seconds, rate)| seconds * rate);
     let others = tracks.iter().filter(|kind| !is_video(kind) && !kind.starts_with("audio/"));
     probe.others = others.map(|kind| (*kind).to_owned()).collect();
     probe
@@ -189,15 +211,20 @@ fn ratio(text: &str) -> Option<f64> {
 fn position(line: &str) -> Option<f64> {
     let (_, rest) = line.split_once(" / ")?;
     let (length, _) = rest.split_once(" (")?;
+    clock(length).filter(|seconds| *seconds > 0.0)
+}
+
+/// Seconds of a time such as `0:01:00.0`.
+fn clock(text: &str) -> Option<f64> {
     let mut seconds = 0.0;
-    let parts: Vec<&str> = length.split(':').collect();
+    let parts: Vec<&str> = text.split(':').collect();
     if parts.len() != 3 {
         return None;
     }
     for part in parts {
         seconds = 60.0 * seconds + part.trim().parse::<f64>().ok()?;
     }
-    (seconds.is_finite() && seconds > 0.0).then_some(seconds)
+    Some(seconds).filter(|seconds: &f64| seconds.is_finite())
 }
 
 /// What a program says on standard output until it ends or fails, or `enough` has been said; and whether that was
@@ -248,6 +275,10 @@ mod tests {
         assert_eq!((probe.duration, probe.has_video), (Some(12.5), Some(true)));
         assert_eq!(probe.others, ["data (gpmd)"]);
         assert_eq!((probe.codec.as_str(), probe.frames.map(f64::round)), ("h264", Some(375.0)));
+        let late = r#""format": {"format_name": "matroska,webm", "start_time": "9.0", "duration""#;
+        let late = text.replace("\"duration\": \"12.5\", ", "").replace("\"format\": {\"duration", late);
+        let probe = parse_ffprobe(&late).unwrap();
+        assert_eq!((probe.duration, probe.rate.map(f64::round)), (Some(4.0), Some(30.0)));
         let counted = text.replace("\"duration\": \"12.5\"", "\"nb_frames\": \"300\"");
         assert_eq!(parse_ffprobe(&counted).unwrap().frames, Some(300.0));
         let sound = r#"{"streams": [{"codec_type": "audio"}], "format": {}}"#;
@@ -283,7 +314,13 @@ mod tests {
         let probe = parse_gstreamer(text);
         assert_eq!((probe.duration, probe.has_video), (Some(1205.5), Some(true)));
         assert_eq!(probe.others, ["text/x-raw"]);
+        assert_eq!((probe.rate, probe.untimed), (Some(10.0), false));
         assert_eq!((probe.codec.as_str(), probe.frames), ("video/x-h264", Some(12_055.0)));
+        let late = text.replace("video/x-h264,", "a\n last-message = chain (9 bytes, dts: none, pts: 0:20:00.5, b");
+        assert_eq!(parse_gstreamer(&late).duration, Some(5.0));
+        let bare = "/GstURISourceBin:u/GstTypeFindElement:t.GstPad:src: caps = image/jpeg, width=(int)64\n\
+            /GstPipeline:p/GstFakeSink:fakesink0.GstPad:sink: caps = image/jpeg, width=(int)64\n";
+        assert!(parse_gstreamer(bare).untimed);
         assert_eq!(parse_gstreamer(""), Probe::default());
     }
 }

@@ -7,6 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::VideoError;
+use super::clock::Clock;
 use super::decoder::{Decoder, FrameSize, Way};
 use super::frame::{Layout, VideoFrame};
 use super::matroska::{Header, Matroska};
@@ -21,6 +22,8 @@ const LONGEST: Duration = Duration::from_secs(120);
 /// read a file, and does not say that it failed.
 const FIRST: [Duration; 3] =
     [Duration::from_secs(10), Duration::from_secs(20), Duration::from_secs(60)];
+/// FFmpeg's words for a file that is cut off; it does not count as a failure.
+const CUT: [&str; 2] = ["File ended prematurely", "partial file"];
 /// Between two looks at how a program is that gives nothing.
 const LOOK: Duration = Duration::from_millis(500);
 /// How long a program may take to end after it said that it failed.
@@ -51,6 +54,7 @@ pub struct VideoReader {
     messages: Receiver<Message>,
     running: Running,
     header: Header,
+    clock: Clock,
     ended: Option<Ended>,
 }
 
@@ -98,8 +102,9 @@ impl VideoReader {
         let header =
             Header { width: 0, height: 0, colour: Default::default(), high_dynamic_range: false };
         let path = path.to_path_buf();
+        let (clock, command, ended) = (Clock::new(way), shown, None);
         let mut reader =
-            VideoReader { path, decoder, command: shown, messages, running, header, ended: None };
+            VideoReader { path, decoder, command, messages, running, header, clock, ended };
         match reader.message(patience)? {
             Some(Message::Header(header)) => reader.header = header,
             first => return Err(reader.no_frame(first)),
@@ -135,6 +140,11 @@ impl VideoReader {
         (0..most).map_while(next).collect()
     }
 
+    /// Frames so far whose times were mended.
+    pub fn mended(&self) -> usize {
+        self.clock.mended
+    }
+
     /// How the video ended, once it has.
     pub fn ended(&self) -> Option<&Ended> {
         self.ended.as_ref()
@@ -146,14 +156,17 @@ impl VideoReader {
             return Ok(None);
         }
         let broken = match self.message(LONGEST)? {
-            Some(Message::Frame(frame)) => return Ok(Some(frame)),
+            Some(Message::Frame(mut frame)) => {
+                frame.time = self.clock.time(frame.time);
+                return Ok(Some(frame));
+            }
             Some(Message::Broken(error)) => Some(error),
             Some(Message::Header(_)) | None => None,
         };
         let ended = self.running.end(TO_END);
         let (status, said) = ended.map_err(VideoError::file(&self.path))?;
         self.ended = Some(match broken {
-            None if status.success() => Ended::Whole,
+            None if status.success() && !CUT.iter().any(|word| said.contains(word)) => Ended::Whole,
             Some(error) if said.is_empty() => Ended::CutOff(error.to_string()),
             None if said.is_empty() => Ended::CutOff(status.to_string()),
             _ => Ended::CutOff(said),

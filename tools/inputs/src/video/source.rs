@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::decoder::{Decoder, DecoderChoice, FrameSize, Way};
 use super::probe::Probe;
-use super::reader::VideoReader;
+use super::clock::STEP;
+use super::reader::{Ended, VideoReader};
 use super::{Header, VideoError};
 
 /// A video of which a frame was read.
@@ -62,11 +63,12 @@ impl Video {
         if probe.has_video == Some(false) {
             return Err(VideoError::NoPictures { path: path.to_path_buf() });
         }
-        let mut way = Way { track: probe.track };
+        let Probe { track, rate, untimed, .. } = probe;
+        let mut way = Way { track, rate, untimed };
         let mut notes: Vec<String> = probe.choice.into_iter().collect();
         let mut reader = VideoReader::start(path, decoder, &way, FrameSize::Full, &[])?;
         let moves = decoder == Decoder::Ffmpeg || reader.first_frames(2).len() == 2;
-        if let Some((number, next)) = (!moves).then(|| moving(path)).flatten() {
+        if let Some((number, next)) = (!moves).then(|| moving(path, way)).flatten() {
             way.track = Some(number);
             notes.push(format!("track of pictures {number} is taken: none before it moves"));
             reader = next;
@@ -94,7 +96,50 @@ impl Video {
     /// The same for the frames of these numbers, in rising order. Others may come between; each has its time, and no
     /// number of its own.
     pub fn read_some(&self, size: FrameSize, frames: &[usize]) -> Result<VideoReader, VideoError> {
+        // A frame's place in a bare stream tells its time.
+        let frames = if self.way.untimed { &[] } else { frames };
         VideoReader::start(&self.path, self.decoder, &self.way, size, frames)
+    }
+
+    /// What is to be told of it once it was read to its end. `last`: its last frame's time.
+    pub fn told(&self, reader: &VideoReader, last: f64) -> Vec<String> {
+        let (name, mended) = (self.name(), reader.mended());
+        let mut notes = Vec::from_iter(self.cut_off(reader, last));
+        if self.way.untimed {
+            let rate = self.way.rate.unwrap_or(1.0 / STEP);
+            notes.push(format!("{name}: a bare stream has no times: {rate} frames a second are assumed"));
+        } else if mended > 0 {
+            notes.push(format!(
+                "{name}: the times of {mended} frames go back, stand still or are missing: each comes one step after \
+                 the frame before it, and what follows is moved by as much; join no logs by these times"
+            ));
+        }
+        notes
+    }
+
+    /// Whether it ends before its end.
+    fn cut_off(&self, reader: &VideoReader, last: f64) -> Option<String> {
+        /// Lengths that containers tell may be off by this, seconds, and by this share.
+        const OFF: (f64, f64) = (1.0, 0.01);
+        let name = self.name();
+        match (reader.ended(), self.duration) {
+            // GStreamer's words for frames that do not fit into the stream any more.
+            (Some(Ended::CutOff(said)), _) if said.contains("Could not multiplex") => Some(format!(
+                "{name}: its pictures change their size after {last:.1} s; what was read is used; --decoder ffmpeg \
+                 reads on"
+            )),
+            (Some(Ended::CutOff(said)), _) => Some(format!(
+                "{name}: is cut off or damaged after {last:.1} s; what was read is used ({said})"
+            )),
+            // Times that were mended tell no length.
+            (_, Some(length)) if reader.mended() == 0 && last + OFF.0 + OFF.1 * length < length => {
+                Some(format!(
+                    "{name}: ends after {last:.1} s, but says that it lasts {length:.1} s: it is cut off; what was read \
+                     is used"
+                ))
+            }
+            _ => None,
+        }
     }
 
     /// Its file's name, for messages.
@@ -111,10 +156,10 @@ impl Video {
 }
 
 /// GStreamer's next track of pictures that moves, if the first does not: a cover may come first.
-fn moving(path: &Path) -> Option<(usize, VideoReader)> {
+fn moving(path: &Path, way: Way) -> Option<(usize, VideoReader)> {
     const MOST: usize = 4;
     for number in 1..MOST {
-        let way = Way { track: Some(number) };
+        let way = Way { track: Some(number), ..way };
         // There is no such track.
         let mut reader = VideoReader::once(path, Decoder::Gstreamer, &way).ok()?;
         if reader.first_frames(2).len() == 2 {

@@ -71,6 +71,31 @@ impl Making {
         path
     }
 
+    /// The video in another file, as it is coded. `times`: of its packets, by an expression of FFmpeg's filter `setts`.
+    pub fn remade(&self, video: &Path, name: &str, times: &str) -> PathBuf {
+        let path = self.path(name);
+        let filter = format!("setts=ts={times}");
+        let how = ["-c", "copy", "-bsf:v", &filter, text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y", "-i", text(video)][..], &how].concat());
+        path
+    }
+
+    /// The frames of a video as bare JPEGs, one after the other.
+    pub fn bare(&self, video: &Path, name: &str) -> PathBuf {
+        let path = self.path(name);
+        let how = ["-c:v", "mjpeg", "-q:v", "2", "-f", "mjpeg", text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y", "-i", text(video)][..], &how].concat());
+        path
+    }
+
+    /// The video without frames that are predicted from later ones.
+    pub fn in_order(&self, video: &Path, name: &str) -> PathBuf {
+        let path = self.path(name);
+        let how = ["-c:v", "libx264", "-bf", "0", "-g", "6", "-crf", "10", text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y", "-i", text(video)][..], &how].concat());
+        path
+    }
+
     /// The video behind a track that is a single picture, larger or smaller than its own.
     pub fn covered(&self, name: &str, video: &Path, scale: &str) -> PathBuf {
         let path = self.path(name);
