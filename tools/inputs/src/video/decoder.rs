@@ -35,6 +35,8 @@ pub struct Way {
     pub rate: Option<f64>,
     /// The file is a bare stream, without times.
     pub untimed: bool,
+    /// Frames are woven of two fields: a picture is made of each.
+    pub interlaced: bool,
 }
 
 /// How frames come out of it.

@@ -105,7 +105,7 @@ mod tests {
             path: "dive.mp4".into(),
             decoder,
             way: Default::default(),
-            header: Header { width: 1920, height: 1080, colour, high_dynamic_range: false },
+            header: Header { colour, ..Header::of_size(1920, 1080) },
             duration: Some(1_200.0),
             frames: Some(30_000.0),
             codec: codec.into(),

@@ -8,6 +8,7 @@ mod error;
 mod estimate;
 mod folder;
 mod frame;
+mod interlaced;
 mod mapping;
 mod matroska;
 mod motion;

@@ -76,7 +76,7 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
     let tracks: Vec<_> = streams.iter().filter(pictures).collect();
     let (video, choice) = longest(&tracks).unzip();
     let own = video.and_then(|stream| seconds(&stream["duration"]));
-    let format = text(&json["format"]["format_name"]);
+    let format = string(&json["format"]["format_name"]);
     // Matroska's length counts from 0, whenever its first frame comes.
     let start = seconds(&json["format"]["start_time"]).filter(|_| format.contains("matroska"));
     let all = seconds(&json["format"]["duration"]).map(|end| end - start.unwrap_or(0.0));
@@ -91,7 +91,7 @@ fn parse_ffprobe(text: &str) -> Option<Probe> {
         track: video.and_then(|stream| Some(stream["index"].as_u64()? as usize)),
         choice: choice.flatten(),
         rate,
-        untimed: BARE.contains(&format),
+        untimed: BARE.contains(&format) || format.ends_with("_pipe"),
         has_video: Some(video.is_some()),
         others: others.collect(),
     })
@@ -123,7 +123,7 @@ fn longest<'a>(
     let said = (tracks.len() > 1).then(|| {
         let name = |track: &serde_json::Value| {
             let [width, height] = ["width", "height"].map(|key| side(track, key));
-            format!("{} ({}, {width}×{height})", track["index"], text(&track["codec_name"]))
+            format!("{} ({}, {width}×{height})", track["index"], string(&track["codec_name"]))
         };
         let others = tracks.iter().copied().filter(|of| of["index"] != best["index"]);
         let others: Vec<String> = others.map(name).collect();
@@ -133,7 +133,7 @@ fn longest<'a>(
     Some((best, said))
 }
 
-fn text(value: &serde_json::Value) -> &str {
+fn string(value: &serde_json::Value) -> &str {
     value.as_str().unwrap_or_default()
 }
 
@@ -276,7 +276,8 @@ mod tests {
         assert_eq!(probe.others, ["data (gpmd)"]);
         assert_eq!((probe.codec.as_str(), probe.frames.map(f64::round)), ("h264", Some(375.0)));
         let late = r#""format": {"format_name": "matroska,webm", "start_time": "9.0", "duration""#;
-        let late = text.replace("\"duration\": \"12.5\", ", "").replace("\"format\": {\"duration", late);
+        let late =
+            text.replace("\"duration\": \"12.5\", ", "").replace("\"format\": {\"duration", late);
         let probe = parse_ffprobe(&late).unwrap();
         assert_eq!((probe.duration, probe.rate.map(f64::round)), (Some(4.0), Some(30.0)));
         let counted = text.replace("\"duration\": \"12.5\"", "\"nb_frames\": \"300\"");
@@ -316,7 +317,10 @@ mod tests {
         assert_eq!(probe.others, ["text/x-raw"]);
         assert_eq!((probe.rate, probe.untimed), (Some(10.0), false));
         assert_eq!((probe.codec.as_str(), probe.frames), ("video/x-h264", Some(12_055.0)));
-        let late = text.replace("video/x-h264,", "a\n last-message = chain (9 bytes, dts: none, pts: 0:20:00.5, b");
+        let late = text.replace(
+            "video/x-h264,",
+            "a\n last-message = chain (9 bytes, dts: none, pts: 0:20:00.5, b",
+        );
         assert_eq!(parse_gstreamer(&late).duration, Some(5.0));
         let bare = "/GstURISourceBin:u/GstTypeFindElement:t.GstPad:src: caps = image/jpeg, width=(int)64\n\
             /GstPipeline:p/GstFakeSink:fakesink0.GstPad:sink: caps = image/jpeg, width=(int)64\n";

@@ -10,7 +10,8 @@ use super::VideoError;
 use super::clock::Clock;
 use super::decoder::{Decoder, FrameSize, Way};
 use super::frame::{Layout, VideoFrame};
-use super::matroska::{Header, Matroska};
+use super::interlaced::Fields;
+use super::matroska::{Block, Header, Matroska};
 use crate::child::{Running, shown};
 
 /// Frames that wait between the program and this one.
@@ -98,9 +99,9 @@ impl VideoReader {
             _ => VideoError::File { path: decoder.program().into(), error },
         })?;
         let (sender, messages) = sync_channel(WAITING);
-        std::thread::spawn(move || read(output, decoder, &sender));
-        let header =
-            Header { width: 0, height: 0, colour: Default::default(), high_dynamic_range: false };
+        let interlaced = way.interlaced;
+        std::thread::spawn(move || read(output, decoder, interlaced, &sender));
+        let header = Header::of_size(0, 0);
         let path = path.to_path_buf();
         let (clock, command, ended) = (Clock::new(way), shown, None);
         let mut reader =
@@ -205,7 +206,7 @@ impl VideoReader {
 }
 
 /// Reads the program's output, until it ends or nobody listens.
-fn read(output: ChildStdout, decoder: Decoder, sender: &SyncSender<Message>) {
+fn read(output: ChildStdout, decoder: Decoder, interlaced: bool, sender: &SyncSender<Message>) {
     const BUFFER: usize = 1 << 18;
     let messages = || -> std::io::Result<()> {
         let mut stream = Matroska::open(BufReader::with_capacity(BUFFER, output))?;
@@ -215,16 +216,26 @@ fn read(output: ChildStdout, decoder: Decoder, sender: &SyncSender<Message>) {
         }
         let layout = Layout::of(decoder, header);
         let tick = stream.tick() * decoder.time_scale();
-        let mut index = 0;
-        while let Some(block) = stream.next(layout.bytes())? {
-            let time = block.ticks as f64 * tick;
-            let frame = VideoFrame { index, time, layout, data: block.data };
-            if sender.send(Message::Frame(frame)).is_err() {
-                return Ok(());
+        let (mut index, mut fields) = (0, interlaced.then(Fields::default));
+        loop {
+            let next = stream.next(layout.bytes());
+            let (next, broken) = next.map_or_else(|error| (None, Some(error)), |next| (next, None));
+            let ends = next.is_none();
+            let block = match &mut fields {
+                Some(fields) => fields.add(next, &layout),
+                None => next,
+            };
+            if let Some(Block { ticks, data }) = block {
+                let frame = VideoFrame { index, time: ticks as f64 * tick, layout, data };
+                if sender.send(Message::Frame(frame)).is_err() {
+                    return Ok(());
+                }
+                index += 1;
             }
-            index += 1;
+            if ends {
+                return broken.map_or(Ok(()), Err);
+            }
         }
-        Ok(())
     };
     if let Err(error) = messages() {
         // If nobody listens, nobody wants to know.
