@@ -111,7 +111,7 @@ fn last_words(errors: impl Read, failing: impl Fn()) -> String {
     let (mut last, mut failed) = (LastWords::default(), LastWords::default());
     let mut bytes = Vec::new();
     while lines.read_until(b'\n', &mut bytes).is_ok_and(|read| read > 0) {
-        let text = String::from_utf8_lossy(&bytes).trim().to_owned();
+        let text = without_address(String::from_utf8_lossy(&bytes).trim()).to_owned();
         bytes.clear();
         match text.strip_prefix("ERROR: from element ").and_then(|text| text.split_once(": ")) {
             Some((_, what)) => {
@@ -122,6 +122,14 @@ fn last_words(errors: impl Read, failing: impl Fn()) -> String {
         }
     }
     if failed.0.is_empty() { last } else { failed }.text()
+}
+
+/// A line of FFmpeg's without the part that spoke, whose address is another in each run: `[h264 @ 0x1234] No frame!`.
+fn without_address(line: &str) -> &str {
+    match line.split_once("] ") {
+        Some((part, said)) if part.starts_with('[') && part.contains(" @ 0x") => said,
+        _ => line,
+    }
 }
 
 #[cfg(test)]
@@ -135,6 +143,8 @@ mod tests {
         let said = "ERROR: from element /GstPipeline:pipeline0/GstFileSrc:source: Resource not found.\n\
             Additional debug info:\n../plugins/elements/gstfilesrc.c(553): gst_file_src_start ()\n";
         assert_eq!(last_words(said.as_bytes(), || ()), "Resource not found.");
+        let said = "[matroska,webm @ 0x55d517513940] File ended prematurely\n[1] no part\n";
+        assert_eq!(last_words(said.as_bytes(), || ()), "File ended prematurely / [1] no part");
     }
 
     #[cfg(unix)]

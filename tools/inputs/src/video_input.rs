@@ -12,7 +12,7 @@ use crate::frame_file::{FrameFileError, read_known_by, same_shape};
 use crate::input::{Input, InputArgs, starts_file};
 use crate::posed::lens_of;
 use crate::values::{self, WrongUsage};
-use crate::video::{DecoderChoice, Ended, FrameSize, Video, VideoFrame, VideoReader};
+use crate::video::{DecoderChoice, FrameSize, Video, VideoFrame, VideoReader};
 
 /// Which video, and which of its frames.
 #[derive(clap::Args)]
@@ -53,6 +53,9 @@ impl VideoInputArgs {
         };
         let video = Video::open(path, self.decoder)?;
         tell!("{}", video.command);
+        for note in &video.notes {
+            tell!("{}: {note}", video.name());
+        }
         let lens = lens_for(&lens, &video)?;
         let camera = input.size.reduced(&lens.pinhole());
         camera.check().with_context(|| of.clone())?;
@@ -60,8 +63,8 @@ impl VideoInputArgs {
         let reader = video.read(FrameSize::Full)?;
         let every = self.fps.map_or(0.0, |fps| 1.0 / fps);
         let (known, most) = (known.unwrap_or_default(), input.limit.unwrap_or(usize::MAX));
-        let taken = Taken { every, due: None, last: None };
-        Ok(Some(VideoFrames { video, reader, converter, camera, known, taken, most }))
+        let taken = Taken { every, due: None };
+        Ok(Some(VideoFrames { video, reader, converter, camera, known, taken, most, last: 0.0 }))
     }
 }
 
@@ -87,6 +90,8 @@ pub struct VideoFrames {
     taken: Taken,
     /// Frames that are still wanted.
     most: usize,
+    /// The time of the last frame that was read.
+    last: f64,
 }
 
 /// What is known of frames from outside.
@@ -149,20 +154,18 @@ struct Taken {
     every: f64,
     /// When the next one is due.
     due: Option<f64>,
-    last: Option<f64>,
 }
 
 impl Taken {
-    /// Whether a frame of this time is taken. One that is not later than the one before has no time of its own.
+    /// Whether a frame of this time is taken.
     fn takes(&mut self, time: f64) -> bool {
         let due = self.due.unwrap_or(time);
         // So that NaN is left out.
-        if !(time + CLOSE >= due) || self.last.is_some_and(|last| time <= last) {
+        if !(time + CLOSE >= due) {
             return false;
         }
         // Gaps in the video are not made up for.
         self.due = Some(if time > due + self.every { time } else { due } + self.every);
-        self.last = Some(time);
         true
     }
 }
@@ -185,14 +188,14 @@ impl VideoFrames {
             return Ok(None);
         }
         while let Some(frame) = self.reader.next_frame()? {
+            self.last = frame.time;
             if self.taken.takes(frame.time) {
                 self.most -= 1;
                 return self.picture(&frame).map(Some);
             }
         }
-        if let Some(Ended::CutOff(said)) = self.reader.ended() {
-            let last = self.taken.last.unwrap_or_default();
-            tell!("{}: is cut off or damaged after {last:.1} s: {said}", self.video.name());
+        for note in self.video.told(&self.reader, self.last) {
+            tell!("{note}");
         }
         Ok(None)
     }
@@ -224,7 +227,7 @@ mod tests {
 
     fn taken(fps: Option<f64>, times: &[f64]) -> Vec<usize> {
         let every = fps.map_or(0.0, |fps| 1.0 / fps);
-        let mut taken = Taken { every, due: None, last: None };
+        let mut taken = Taken { every, due: None };
         (0..times.len()).filter(|i| taken.takes(times[*i])).collect()
     }
 

@@ -61,6 +61,205 @@ fn every_frame_comes_once_with_its_time() {
     }
 }
 
+/// The times of a video's frames.
+fn times(frames: &[VideoFrame]) -> Vec<f64> {
+    frames.iter().map(|frame| (1e3 * frame.time).round() / 1e3).collect()
+}
+
+#[test]
+fn every_frame_counts_whatever_its_time_is() {
+    let making = Making::new();
+    let place = |i: u32| making::wall((8 * i, 0), 0);
+    let coded = making.video("coded.mp4", (0..24).map(place), 10.0);
+    let video = making.in_order(&coded, "in order.mp4");
+    let at = |step: f64, start: f64| (0..24).map(move |i| start + step * f64::from(i));
+    let steady: Vec<f64> = times_of(at(0.1, 0.0));
+    let cases = [
+        ("back.mkv", "if(gte(N\\,12)\\,TS-1/TB\\,TS)", steady.clone(), "the times of 1"),
+        ("far back.mkv", "if(gte(N\\,12)\\,TS-1.2/TB\\,TS)", steady.clone(), "the times of 12 "),
+        ("zero.mkv", "0", steady.clone(), "the times of 23 "),
+        ("late.mkv", "TS+3600/TB", steady.clone(), ""),
+        ("forth.mkv", "if(gte(N\\,12)\\,TS+7200/TB\\,TS)", Vec::new(), ""),
+    ];
+    let made = cases.map(|(name, filter, expected, said)| {
+        (making.remade(&video, name, filter), expected, said)
+    });
+    let bare = making.bare(&video, "bare.mjpeg");
+    let bare = (bare, times_of(at(0.04, 0.0)), "a bare stream has no times: 25 frames");
+    for (path, expected, said) in made.into_iter().chain([bare]) {
+        let mut found = Vec::new();
+        for decoder in decoders() {
+            let (frames, ended) = all_frames(&path, decoder, FrameSize::Full);
+            assert_eq!((frames.len(), ended), (24, Ended::Whole), "{decoder:?} {path:?}");
+            for (i, frame) in frames.iter().enumerate() {
+                let [off, other] = [i, i + 1].map(|i| off(frame, &place(i as u32)));
+                let own = frame.index == i && off < 8.0 && off < 0.5 * other;
+                assert!(own, "{decoder:?} {path:?} {i}: {off} {other}");
+            }
+            let times = times(&frames);
+            assert!(times.is_sorted_by(|a, b| a < b), "{decoder:?} {path:?}: {times:?}");
+            assert!(expected.is_empty() || times == expected, "{decoder:?} {path:?}: {times:?}");
+            found.push(times);
+            // No word of a video that is cut off.
+            let video = Video::open(&path, choice(decoder)).unwrap();
+            let mut reader = video.read(FrameSize::Full).unwrap();
+            while reader.next_frame().unwrap().is_some() {}
+            let notes = video.told(&reader, *found.last().unwrap().last().unwrap()).join("\n");
+            assert_eq!(notes.is_empty(), said.is_empty(), "{decoder:?} {path:?}: {notes}");
+            assert!(notes.contains(said) && !notes.contains("cut off"), "{decoder:?}: {notes}");
+        }
+        assert!(found.windows(2).all(|pair| pair[0] == pair[1]), "{path:?}: {found:?}");
+    }
+}
+
+fn times_of(times: impl Iterator<Item = f64>) -> Vec<f64> {
+    times.map(|time| (1e3 * time).round() / 1e3).collect()
+}
+
+/// Pictures of one video with good times and with times that jump are the same, by both decoders.
+#[test]
+fn frames_for_a_mapping_do_not_depend_on_times_that_jump() {
+    let making = Making::new();
+    let pan = making.video("coded.mp4", (0..40).map(|i| pan(i, 0)), 10.0);
+    let steady = making.in_order(&pan, "dive.mp4");
+    let back = making.remade(&steady, "dive.mkv", "if(gte(N\\,20)\\,TS-1.5/TB\\,TS)");
+    let cut = std::fs::read(&back).unwrap();
+    making.write("cut.mkv", &cut[..cut.len() * 7 / 10]);
+    let mut all: Vec<Vec<(String, f64, Vec<u8>)>> = Vec::new();
+    for decoder in decoders() {
+        let options = ChoiceOptions { decoder: choice(decoder), ..ChoiceOptions::default() };
+        for (name, said) in [("dive.mp4", ""), ("dive.mkv", "the times of")] {
+            let (record, notes) = choose(&making, &[name], &options);
+            assert_eq!(notes.is_empty(), said.is_empty(), "{decoder:?} {name}: {notes:?}");
+            assert!(notes.join("\n").contains(said), "{notes:?}");
+            assert!(!notes.join("\n").contains("cut off"), "{notes:?}");
+            let bytes = |file: &str| std::fs::read(making.path("frames").join(file)).unwrap();
+            let time = |time: f64| (1e3 * time).round() / 1e3;
+            let frames = record.frames.iter();
+            let frames = frames.map(|of| (of.file.clone(), time(of.time), bytes(&of.file)));
+            all.push(frames.collect());
+        }
+        if decoder == Decoder::Ffmpeg {
+            let (_, notes) = choose(&making, &["cut.mkv"], &options);
+            assert!(notes.join("\n").contains("is cut off"), "{notes:?}");
+        }
+    }
+    assert!(all[0].len() > 3);
+    for other in &all[1..] {
+        assert!(*other == all[0], "{:?}", all.iter().map(Vec::len).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn the_longest_track_that_moves_is_taken_and_told() {
+    let making = Making::new();
+    let video = making.video("plain.mp4", (0..20).map(|i| shade(64, 36, i)), 10.0);
+    for (name, scale) in [("small.mkv", "scale=32:18"), ("large.mkv", "scale=96:54")] {
+        let covered = making.covered(name, &video, scale);
+        for decoder in decoders() {
+            let (frames, ended) = all_frames(&covered, decoder, FrameSize::Full);
+            let found = (frames.len(), frames[0].size(), ended);
+            assert_eq!(found, (20, (64, 36), Ended::Whole), "{decoder:?} {name}");
+            let notes = Video::open(&covered, choice(decoder)).unwrap().notes;
+            let said = match decoder {
+                Decoder::Gstreamer => "track of pictures 1 is taken",
+                Decoder::Ffmpeg => "track 1 (h264, 64×36) is taken",
+            };
+            assert!(notes.len() == 1 && notes[0].contains(said), "{notes:?}");
+            assert!(Video::open(&video, choice(decoder)).unwrap().notes.is_empty());
+            let reduced = all_frames(&covered, decoder, FrameSize::AtMost(40)).0;
+            assert_eq!((reduced.len(), reduced[0].size().0), (20, 40), "{decoder:?} {name}");
+        }
+    }
+    let covered = making.covered("cover.mp4", &video, "scale=32:18");
+    for decoder in decoders() {
+        assert_eq!(all_frames(&covered, decoder, FrameSize::Full).0.len(), 20, "{decoder:?}");
+    }
+}
+
+/// How far a frame is off a picture, mean of all values.
+fn off(frame: &VideoFrame, expected: &image::RgbImage) -> f64 {
+    let (width, height) = frame.size();
+    let picture = rgb(&mut Converter::new(width, height).unwrap(), frame).unwrap();
+    let off = std::iter::zip(&picture.data, expected.as_raw()).map(|(a, b)| a.abs_diff(*b));
+    off.map(u64::from).sum::<u64>() as f64 / picture.data.len() as f64
+}
+
+#[test]
+fn interlaced_videos_give_one_picture_for_each_frame() {
+    let making = Making::new();
+    // The camera moves by so many pixels from one field to the next.
+    let field = |t: u32, step: u32| making::wall((step * t, 0), 0);
+    let first = |i: u32, step: u32| making::woven(&field(2 * i, step), &field(2 * i + 1, step));
+    let second = |i: u32, step: u32| making::woven(&field(2 * i + 1, step), &field(2 * i, step));
+    let even = making.video("even first.mp4", (0..12).map(|i| first(i, 3)), 10.0);
+    let odd = making.video("odd first.mp4", (0..12).map(|i| second(i, 3)), 10.0);
+    let still = making.video("still.mp4", (0..12).map(|_| field(0, 0)), 10.0);
+    let [flagged, still] = [(&even, "flagged.mp4"), (&still, "flagged still.mkv")]
+        .map(|(video, name)| making.flagged(video, name));
+    for (video, step, late) in [(&even, 3, 0), (&odd, 3, 1), (&flagged, 3, 0), (&still, 0, 0)] {
+        let mut found = Vec::new();
+        for decoder in decoders() {
+            let notes = Video::open(video, choice(decoder)).unwrap().notes;
+            assert!(notes.len() == 1 && notes[0].starts_with("interlaced"), "{video:?}: {notes:?}");
+            for size in [FrameSize::Full, FrameSize::AtMost(320)] {
+                let (frames, ended) = all_frames(video, decoder, size);
+                assert_eq!((frames.len(), ended), (12, Ended::Whole), "{decoder:?} {video:?}");
+                for (i, frame) in frames.iter().enumerate() {
+                    assert!((frame.time - 0.1 * i as f64).abs() < 0.0011, "{}", frame.time);
+                    let whole = field(2 * i as u32 + late, step);
+                    let combed = making::woven(&whole, &field(2 * i as u32 + 1 - late, step));
+                    let combs = std::iter::zip(combed.as_raw(), whole.as_raw());
+                    let combs = combs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>() as f64
+                        / whole.as_raw().len() as f64;
+                    let off = off(frame, &whole);
+                    assert!(off < 2.0 + 0.3 * combs, "{decoder:?} {video:?} {i}: {off} {combs}");
+                }
+                found.push(frames.iter().map(VideoFrame::luma).collect::<Vec<_>>());
+            }
+        }
+        assert!(found.windows(2).all(|pair| pair[0] == pair[1]), "{video:?}");
+    }
+    making.video("fast.mp4", (0..24).map(|i| first(i, 9)), 10.0);
+    let (record, notes) = choose(&making, &["fast.mp4"], &ChoiceOptions::default());
+    assert!(notes.is_empty() && record.frames.len() > 1, "{notes:?} {record:?}");
+}
+
+#[test]
+fn videos_of_whole_pictures_are_not_taken_for_interlaced() {
+    let making = Making::new();
+    let noise = |seed: u32| move |x: u32, y: u32| (x * 7919 + y * 104_729 + seed * 31_337) % 61;
+    let with_noise = |i: u32, mut picture: image::RgbImage| {
+        let noise = noise(i * i + 3);
+        let add = |value: &mut u8, more: u32| *value = value.saturating_add(more as u8);
+        picture.enumerate_pixels_mut().for_each(|(x, y, pixel)| add(&mut pixel.0[1], noise(x, y)));
+        picture
+    };
+    // Rows that are dark and bright by turns, as a ribbed wall has them.
+    let ribbed = |i: u32, y: u32| {
+        let mut picture = making::wall((4 * i, y), 0);
+        picture.rows_mut().step_by(2).flatten().for_each(|pixel| pixel.0 = pixel.0.map(|v| v / 2));
+        picture
+    };
+    let frames: [(&str, &dyn Fn(u32) -> image::RgbImage); 8] = [
+        ("slow", &|i| making::wall((i, 0), 0)),
+        ("fast", &|i| making::wall((23 * i, 5 * i), 0)),
+        ("down", &|i| making::wall((0, i), 0)),
+        ("still", &|i| with_noise(i, making::wall((0, 0), 0))),
+        ("noise", &|i| with_noise(i, making::wall((2 * i, i), 0))),
+        ("ribbed", &|i| ribbed(i, 0)),
+        ("faster", &|i| making::wall((i * i, 0), 0)),
+        ("cuts", &|i| making::wall((i, 0), i / 3)),
+    ];
+    for (name, frame) in frames {
+        let video = making.video(&format!("{name}.mp4"), (0..12).map(frame), 10.0);
+        for decoder in decoders() {
+            let notes = Video::open(&video, choice(decoder)).unwrap().notes;
+            assert!(notes.is_empty(), "{decoder:?} {name}: {notes:?}");
+        }
+    }
+}
+
 #[test]
 fn rotated_videos_come_upright() {
     let making = Making::new();

@@ -74,6 +74,9 @@ impl Analysis {
         let (width, height) = frame.size();
         self.aspect = f64::from(height) / f64::from(width);
         let plane = Plane::from_luma(width, height, &frame.luma());
+        // Those of interlaced videos come whole.
+        let larger = (f64::from(width) / f64::from(WIDTH)).round() as usize;
+        let plane = if larger > 1 { plane.reduced(larger) } else { plane };
         let factor = (plane.width / COARSE).max(1);
         let coarse = plane.reduced(factor);
         let sharpness = plane.gradient_energy();
@@ -126,7 +129,7 @@ mod tests {
     /// What a camera shows that looks at a place of the test's scene, blurred over so many pixels, in less light.
     fn frame(index: usize, (x, y): (f64, f64), blur: usize, light: f64) -> VideoFrame {
         let (width, height) = SIZE;
-        let header = Header { width, height, colour: Colour::Bt601Full, high_dynamic_range: false };
+        let header = Header { colour: Colour::Bt601Full, ..Header::of_size(width, height) };
         let layout = Layout::of(Decoder::Ffmpeg, header);
         let mut data = vec![128; layout.bytes()];
         for (i, value) in data[..(width * height) as usize].iter_mut().enumerate() {

@@ -26,6 +26,19 @@ pub enum Decoder {
     Ffmpeg,
 }
 
+/// What of a file is read, and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Way {
+    /// The track of pictures, by the decoder's own number; `None`: its first one.
+    pub track: Option<usize>,
+    /// Frames per second, as the file states.
+    pub rate: Option<f64>,
+    /// The file is a bare stream, without times.
+    pub untimed: bool,
+    /// Frames are woven of two fields: a picture is made of each.
+    pub interlaced: bool,
+}
+
 /// How frames come out of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameSize {
@@ -86,25 +99,34 @@ impl Decoder {
     /// The arguments that decode a video to standard output: Matroska with I420, times to a microsecond. Pixels
     /// become square, and the video's rotation is done. No frame is doubled or left out, unless `frames` is not empty:
     /// then FFmpeg leaves out most others than those of these numbers.
-    pub fn arguments(self, video: &Path, size: FrameSize, frames: &[usize]) -> Vec<OsString> {
+    pub fn arguments(
+        self,
+        video: &Path,
+        way: &Way,
+        size: FrameSize,
+        frames: &[usize],
+    ) -> Vec<OsString> {
         match self {
-            Decoder::Gstreamer => gstreamer(video, size),
-            Decoder::Ffmpeg => ffmpeg(video, size, frames),
+            Decoder::Gstreamer => gstreamer(video, way, size),
+            Decoder::Ffmpeg => ffmpeg(video, way, size, frames),
         }
     }
 }
 
-fn gstreamer(video: &Path, size: FrameSize) -> Vec<OsString> {
+fn gstreamer(video: &Path, way: &Way, size: FrameSize) -> Vec<OsString> {
     let width = match size {
         FrameSize::Full => String::new(),
         FrameSize::AtMost(width) => format!(",width=(int)[1,{width}]"),
     };
+    // The muxer leaves out frames without a time. So each gets one, by its bytes.
+    let times = if way.untimed { "identity datarate=1000000 ! " } else { "" };
     let words = format!(
-        "-q uridecodebin uri={} caps=video/x-raw(ANY) expose-all-streams=false ! queue ! \
+        "-q uridecodebin name=d uri={} caps=video/x-raw(ANY) expose-all-streams=false d.src_{} ! queue ! \
          videoflip video-direction=auto ! videoscale add-borders=false ! videoconvert ! \
          video/x-raw,format=I420,pixel-aspect-ratio=1/1{width} ! \
-         matroskamux streamable=true timecodescale=1000 min-cluster-duration=0 ! fdsink fd=1",
-        file_uri(video)
+         {times}matroskamux streamable=true timecodescale=1000 min-cluster-duration=0 ! fdsink fd=1",
+        file_uri(video),
+        way.track.unwrap_or(0)
     );
     words.split(' ').map(OsString::from).collect()
 }
@@ -126,7 +148,7 @@ fn select(frames: &[usize]) -> String {
     format!("select='not(mod(n,{SIGN_OF_LIFE})){each}',")
 }
 
-fn ffmpeg(video: &Path, size: FrameSize, frames: &[usize]) -> Vec<OsString> {
+fn ffmpeg(video: &Path, way: &Way, size: FrameSize, frames: &[usize]) -> Vec<OsString> {
     let reduce = match size {
         FrameSize::Full => String::new(),
         FrameSize::AtMost(width) => format!("scale='min({width},iw)':-1:flags=area,"),
@@ -138,7 +160,8 @@ fn ffmpeg(video: &Path, size: FrameSize, frames: &[usize]) -> Vec<OsString> {
     let words = |text: &str| text.split(' ').map(OsString::from).collect::<Vec<_>>();
     let mut arguments = words("-nostdin -v error -i");
     arguments.push(protocol(video));
-    arguments.extend(words("-map 0:V:0 -vf"));
+    let track = way.track.map_or("V:0".into(), |number| number.to_string());
+    arguments.extend(words(&format!("-map 0:{track} -vf")));
     arguments.push(filters.into());
     arguments.extend(words(
         "-fps_mode passthrough -enc_time_base 1/1000 -c:v rawvideo -pix_fmt yuv420p -f matroska -",
@@ -193,7 +216,8 @@ mod tests {
     #[test]
     fn analysis_asks_for_small_frames() {
         for decoder in [Decoder::Gstreamer, Decoder::Ffmpeg] {
-            let text = |size| format!("{:?}", decoder.arguments(Path::new("/a.mp4"), size, &[]));
+            let words = |size| decoder.arguments(Path::new("/a.mp4"), &Way::default(), size, &[]);
+            let text = |size| format!("{:?}", words(size));
             assert!(text(FrameSize::AtMost(640)).contains("640"));
             assert!(!text(FrameSize::Full).contains("640"));
         }

@@ -104,12 +104,14 @@ mod tests {
         Video {
             path: "dive.mp4".into(),
             decoder,
-            header: Header { width: 1920, height: 1080, colour, high_dynamic_range: false },
+            way: Default::default(),
+            header: Header { colour, ..Header::of_size(1920, 1080) },
             duration: Some(1_200.0),
             frames: Some(30_000.0),
             codec: codec.into(),
             bytes: 1_000_000_000,
             others: Vec::new(),
+            notes: Vec::new(),
             command: String::new(),
         }
     }

@@ -10,9 +10,9 @@ use super::matroska::Header;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layout {
     pub header: Header,
-    strides: [usize; 3],
+    pub(super) strides: [usize; 3],
     /// Where each plane begins, and where the last one ends.
-    planes: [usize; 4],
+    pub(super) planes: [usize; 4],
 }
 
 impl Layout {
@@ -89,7 +89,7 @@ mod tests {
 
     fn layout(decoder: Decoder, width: u32, height: u32) -> Layout {
         let colour = Colour::Bt601Full;
-        Layout::of(decoder, Header { width, height, colour, high_dynamic_range: false })
+        Layout::of(decoder, Header { colour, ..Header::of_size(width, height) })
     }
 
     /// As the programs wrote frames of these sizes.

@@ -14,7 +14,7 @@ use super::decoder::FrameSize;
 use super::estimate::VideoEstimate;
 use super::folder::{Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, folder_name};
 use super::frame::{VideoFrame, rgb};
-use super::reader::{Ended, VideoReader};
+use super::reader::VideoReader;
 use super::select::{Break, Cause, ChoiceOptions, Overlap, Selection, select};
 use super::{Video, VideoError};
 use crate::progress::{Progress, Watch};
@@ -77,6 +77,9 @@ fn describe(video: &Video, watch: Watch) {
     let length = video.duration.map_or("unknown length".into(), |length| format!("{length:.1} s"));
     watch(Progress::Says(format!("{name}: {}×{}, {length}", header.width, header.height)));
     watch(Progress::Says(format!("  {}", video.command)));
+    for note in &video.notes {
+        watch(Progress::Says(format!("{name}: {note}")));
+    }
     if header.high_dynamic_range {
         watch(Progress::Warns(format!(
             "{name}: high dynamic range (PQ or HLG) is taken as it is, so pictures look pale; a video of standard \
@@ -96,6 +99,8 @@ struct VideoFacts {
     facts: Vec<Facts>,
     aspect: f64,
     notes: Vec<String>,
+    /// Frames have the times that the decoder gives them.
+    timed: bool,
 }
 
 /// Decodes a video at a small size, and judges its frames.
@@ -110,32 +115,12 @@ fn choose(video: &Video, watch: Watch) -> Result<VideoFacts, VideoError> {
         watch(Progress::At(video.share(frame.time)));
     }
     watch(Progress::Ends);
-    let notes = cut_off(video, &reader, facts.last());
+    let notes = video.told(&reader, facts.last().map_or(0.0, |facts| facts.time));
     for note in &notes {
         watch(Progress::Warns(note.clone()));
     }
-    Ok(VideoFacts { facts, aspect: f64::from(header.height) / f64::from(header.width), notes })
-}
-
-/// Whether a video ends before its end.
-fn cut_off(video: &Video, reader: &VideoReader, last: Option<&Facts>) -> Vec<String> {
-    /// Lengths that containers tell may be off by this, seconds, and by this share.
-    const OFF: (f64, f64) = (1.0, 0.01);
-    let last = last.map_or(0.0, |facts| facts.time);
-    let name = video.name();
-    match (reader.ended(), video.duration) {
-        // GStreamer's words for frames that do not fit into the stream any more.
-        (Some(Ended::CutOff(said)), _) if said.contains("Could not multiplex") => vec![format!(
-            "{name}: its pictures change their size after {last:.1} s; what was read is used; --decoder ffmpeg reads on"
-        )],
-        (Some(Ended::CutOff(said)), _) => vec![format!(
-            "{name}: is cut off or damaged after {last:.1} s; what was read is used ({said})"
-        )],
-        (_, Some(length)) if last + OFF.0 + OFF.1 * length < length => vec![format!(
-            "{name}: ends after {last:.1} s, but says that it lasts {length:.1} s: it is cut off; what was read is used"
-        )],
-        _ => Vec::new(),
-    }
+    let aspect = f64::from(header.height) / f64::from(header.width);
+    Ok(VideoFacts { facts, aspect, notes, timed: reader.mended() == 0 })
 }
 
 /// Decodes the videos again, and writes what was chosen.
@@ -233,8 +218,10 @@ fn write_video(
     watch(Progress::Begins(format!("{}: writing frames", video.name())));
     let numbers: Vec<usize> =
         selection.choices.iter().map(|choice| found.facts[choice.at].index).collect();
-    let mut reader = video.read_some(WHOLE, &numbers)?;
-    let mut by_number = true;
+    // A time that was mended depends on all frames before it.
+    let mut by_number = found.timed;
+    let numbers = if by_number { &numbers[..] } else { &[] };
+    let mut reader = video.read_some(WHOLE, numbers)?;
     let (width, height) = (reader.header().width, reader.header().height);
     let unreadable = |error: nvsprior::image::PixelError| VideoError::NoFrame {
         path: video.path.clone(),

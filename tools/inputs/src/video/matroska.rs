@@ -16,6 +16,7 @@ mod id {
     pub const TRACKS: u32 = 0x1654_AE6B;
     pub const TRACK_ENTRY: u32 = 0xAE;
     pub const VIDEO: u32 = 0xE0;
+    pub const INTERLACED: u32 = 0x9A;
     pub const PIXEL_WIDTH: u32 = 0xB0;
     pub const PIXEL_HEIGHT: u32 = 0xBA;
     pub const COLOUR_SPACE: u32 = 0x002E_B524;
@@ -44,6 +45,16 @@ pub struct Header {
     pub colour: Colour,
     /// Brightness is that of a display with high dynamic range (PQ or HLG).
     pub high_dynamic_range: bool,
+    /// Frames are woven of two fields.
+    pub interlaced: bool,
+}
+
+impl Header {
+    /// Of which only the size is known.
+    pub fn of_size(width: u32, height: u32) -> Header {
+        let colour = Colour::default();
+        Header { width, height, colour, high_dynamic_range: false, interlaced: false }
+    }
 }
 
 /// A block: the frame's time, and its bytes.
@@ -72,6 +83,7 @@ struct Described {
     matrix: Option<u64>,
     range: Option<u64>,
     transfer: Option<u64>,
+    interlaced: u64,
 }
 
 fn wrong(what: &str) -> io::Error {
@@ -81,8 +93,7 @@ fn wrong(what: &str) -> io::Error {
 impl<R: Read> Matroska<R> {
     /// Reads up to the first frame.
     pub fn open(input: R) -> io::Result<Matroska<R>> {
-        let header =
-            Header { width: 0, height: 0, colour: Colour::default(), high_dynamic_range: false };
+        let header = Header::of_size(0, 0);
         let mut reader = Matroska { input, header, tick: 1_000_000, cluster: 0, first: None };
         let mut described = Described::default();
         let Some(block) = reader.advance(&mut described, None)? else {
@@ -141,6 +152,7 @@ impl<R: Read> Matroska<R> {
     fn element(&mut self, id: u32, size: u64, described: &mut Described) -> io::Result<()> {
         match id {
             id::TIMESTAMP_SCALE => self.tick = self.number(size)?.max(1),
+            id::INTERLACED => described.interlaced = self.number(size)?,
             id::PIXEL_WIDTH => described.width = self.number(size)?,
             id::PIXEL_HEIGHT => described.height = self.number(size)?,
             id::COLOUR_SPACE => described.fourcc = self.bytes(size.min(16))?,
@@ -248,7 +260,10 @@ impl Described {
             return Err(wrong("frames of another format than I420"));
         }
         let high_dynamic_range = matches!(self.transfer, Some(16 | 18));
-        Ok(Header { width, height, colour: self.colour(height), high_dynamic_range })
+        // 0: unknown, 2: no.
+        let interlaced = self.interlaced == 1;
+        let colour = self.colour(height);
+        Ok(Header { width, height, colour, high_dynamic_range, interlaced })
     }
 
     /// The numbers are those of ITU-T H.273. The library has no BT.2020, to which BT.709 is nearest.

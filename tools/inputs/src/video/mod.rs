@@ -1,12 +1,14 @@
 //! Video files as frames: decoded by a program beside this one, with their time stamps, and chosen for a mapping.
 
 mod analysis;
+mod clock;
 mod decoder;
 mod encoder;
 mod error;
 mod estimate;
 mod folder;
 mod frame;
+mod interlaced;
 mod mapping;
 mod matroska;
 mod motion;

@@ -7,9 +7,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
 use super::VideoError;
-use super::decoder::{Decoder, FrameSize};
+use super::clock::Clock;
+use super::decoder::{Decoder, FrameSize, Way};
 use super::frame::{Layout, VideoFrame};
-use super::matroska::{Header, Matroska};
+use super::interlaced::Fields;
+use super::matroska::{Block, Header, Matroska};
 use crate::child::{Running, shown};
 
 /// Frames that wait between the program and this one.
@@ -21,6 +23,8 @@ const LONGEST: Duration = Duration::from_secs(120);
 /// read a file, and does not say that it failed.
 const FIRST: [Duration; 3] =
     [Duration::from_secs(10), Duration::from_secs(20), Duration::from_secs(60)];
+/// FFmpeg's words for a file that is cut off; it does not count as a failure.
+const CUT: [&str; 2] = ["File ended prematurely", "partial file"];
 /// Between two looks at how a program is that gives nothing.
 const LOOK: Duration = Duration::from_millis(500);
 /// How long a program may take to end after it said that it failed.
@@ -51,6 +55,7 @@ pub struct VideoReader {
     messages: Receiver<Message>,
     running: Running,
     header: Header,
+    clock: Clock,
     ended: Option<Ended>,
 }
 
@@ -60,14 +65,13 @@ impl VideoReader {
     pub fn start(
         path: &Path,
         decoder: Decoder,
+        way: &Way,
         size: FrameSize,
         frames: &[usize],
     ) -> Result<VideoReader, VideoError> {
         let mut last = Err(VideoError::NoDecoder);
         for patience in FIRST {
-            let mut command = Command::new(decoder.program());
-            command.args(decoder.arguments(path, size, frames));
-            last = VideoReader::try_start(path, decoder, command, patience);
+            last = VideoReader::try_start(path, decoder, (way, size, frames), patience);
             if !matches!(last, Err(VideoError::Hangs { .. })) {
                 break;
             }
@@ -75,12 +79,19 @@ impl VideoReader {
         last
     }
 
+    /// The same, without a second try.
+    pub fn once(path: &Path, decoder: Decoder, way: &Way) -> Result<VideoReader, VideoError> {
+        VideoReader::try_start(path, decoder, (way, FrameSize::Full, &[]), FIRST[0])
+    }
+
     fn try_start(
         path: &Path,
         decoder: Decoder,
-        command: Command,
+        (way, size, frames): (&Way, FrameSize, &[usize]),
         patience: Duration,
     ) -> Result<VideoReader, VideoError> {
+        let mut command = Command::new(decoder.program());
+        command.args(decoder.arguments(path, way, size, frames));
         let shown = shown(&command);
         let started = Running::with_output(command);
         let (running, output) = started.map_err(|error| match error.kind() {
@@ -88,12 +99,13 @@ impl VideoReader {
             _ => VideoError::File { path: decoder.program().into(), error },
         })?;
         let (sender, messages) = sync_channel(WAITING);
-        std::thread::spawn(move || read(output, decoder, &sender));
-        let header =
-            Header { width: 0, height: 0, colour: Default::default(), high_dynamic_range: false };
+        let interlaced = way.interlaced;
+        std::thread::spawn(move || read(output, decoder, interlaced, &sender));
+        let header = Header::of_size(0, 0);
         let path = path.to_path_buf();
+        let (clock, command, ended) = (Clock::new(way), shown, None);
         let mut reader =
-            VideoReader { path, decoder, command: shown, messages, running, header, ended: None };
+            VideoReader { path, decoder, command, messages, running, header, clock, ended };
         match reader.message(patience)? {
             Some(Message::Header(header)) => reader.header = header,
             first => return Err(reader.no_frame(first)),
@@ -120,6 +132,20 @@ impl VideoReader {
         &self.command
     }
 
+    /// The first frames: at most so many, as far as they come without a long wait.
+    pub fn first_frames(&mut self, most: usize) -> Vec<VideoFrame> {
+        let next = |_| match self.message(FIRST[0]) {
+            Ok(Some(Message::Frame(frame))) => Some(frame),
+            _ => None,
+        };
+        (0..most).map_while(next).collect()
+    }
+
+    /// Frames so far whose times were mended.
+    pub fn mended(&self) -> usize {
+        self.clock.mended
+    }
+
     /// How the video ended, once it has.
     pub fn ended(&self) -> Option<&Ended> {
         self.ended.as_ref()
@@ -131,14 +157,17 @@ impl VideoReader {
             return Ok(None);
         }
         let broken = match self.message(LONGEST)? {
-            Some(Message::Frame(frame)) => return Ok(Some(frame)),
+            Some(Message::Frame(mut frame)) => {
+                frame.time = self.clock.time(frame.time);
+                return Ok(Some(frame));
+            }
             Some(Message::Broken(error)) => Some(error),
             Some(Message::Header(_)) | None => None,
         };
         let ended = self.running.end(TO_END);
         let (status, said) = ended.map_err(VideoError::file(&self.path))?;
         self.ended = Some(match broken {
-            None if status.success() => Ended::Whole,
+            None if status.success() && !CUT.iter().any(|word| said.contains(word)) => Ended::Whole,
             Some(error) if said.is_empty() => Ended::CutOff(error.to_string()),
             None if said.is_empty() => Ended::CutOff(status.to_string()),
             _ => Ended::CutOff(said),
@@ -177,7 +206,7 @@ impl VideoReader {
 }
 
 /// Reads the program's output, until it ends or nobody listens.
-fn read(output: ChildStdout, decoder: Decoder, sender: &SyncSender<Message>) {
+fn read(output: ChildStdout, decoder: Decoder, interlaced: bool, sender: &SyncSender<Message>) {
     const BUFFER: usize = 1 << 18;
     let messages = || -> std::io::Result<()> {
         let mut stream = Matroska::open(BufReader::with_capacity(BUFFER, output))?;
@@ -187,16 +216,26 @@ fn read(output: ChildStdout, decoder: Decoder, sender: &SyncSender<Message>) {
         }
         let layout = Layout::of(decoder, header);
         let tick = stream.tick() * decoder.time_scale();
-        let mut index = 0;
-        while let Some(block) = stream.next(layout.bytes())? {
-            let time = block.ticks as f64 * tick;
-            let frame = VideoFrame { index, time, layout, data: block.data };
-            if sender.send(Message::Frame(frame)).is_err() {
-                return Ok(());
+        let (mut index, mut fields) = (0, interlaced.then(Fields::default));
+        loop {
+            let next = stream.next(layout.bytes());
+            let (next, broken) = next.map_or_else(|error| (None, Some(error)), |next| (next, None));
+            let ends = next.is_none();
+            let block = match &mut fields {
+                Some(fields) => fields.add(next, &layout),
+                None => next,
+            };
+            if let Some(Block { ticks, data }) = block {
+                let frame = VideoFrame { index, time: ticks as f64 * tick, layout, data };
+                if sender.send(Message::Frame(frame)).is_err() {
+                    return Ok(());
+                }
+                index += 1;
             }
-            index += 1;
+            if ends {
+                return broken.map_or(Ok(()), Err);
+            }
         }
-        Ok(())
     };
     if let Err(error) = messages() {
         // If nobody listens, nobody wants to know.

@@ -2,9 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use super::decoder::{Decoder, DecoderChoice, FrameSize};
+use super::clock::STEP;
+use super::decoder::{Decoder, DecoderChoice, FrameSize, Way};
+use super::frame::VideoFrame;
+use super::interlaced::is_interlaced;
 use super::probe::Probe;
-use super::reader::VideoReader;
+use super::reader::{Ended, VideoReader};
 use super::{Header, VideoError};
 
 /// A video of which a frame was read.
@@ -13,6 +16,7 @@ pub struct Video {
     /// Absolute.
     pub path: PathBuf,
     pub decoder: Decoder,
+    pub way: Way,
     pub header: Header,
     /// Seconds, as its file says.
     pub duration: Option<f64>,
@@ -24,6 +28,8 @@ pub struct Video {
     pub codec: String,
     /// Tracks that are neither pictures nor sound.
     pub others: Vec<String>,
+    /// What is to be told of it before it is decoded: which of its tracks is taken.
+    pub notes: Vec<String>,
     /// How it is decoded.
     pub command: String,
 }
@@ -59,21 +65,37 @@ impl Video {
         if probe.has_video == Some(false) {
             return Err(VideoError::NoPictures { path: path.to_path_buf() });
         }
-        let reader = VideoReader::start(path, decoder, FrameSize::Full, &[])?;
+        let Probe { track, rate, untimed, .. } = probe;
+        let mut way = Way { track, rate, untimed, interlaced: false };
+        let mut notes: Vec<String> = probe.choice.into_iter().collect();
+        let mut reader = VideoReader::start(path, decoder, &way, FrameSize::Full, &[])?;
+        let mut frames = reader.first_frames(LOOKED_AT);
+        let moves = decoder == Decoder::Ffmpeg || frames.len() > 1;
+        if let Some((number, next, first)) = (!moves).then(|| moving(path, way)).flatten() {
+            way.track = Some(number);
+            notes.push(format!("track of pictures {number} is taken: none before it moves"));
+            (reader, frames) = (next, first);
+        }
+        way.interlaced = reader.header().interlaced || is_interlaced(&frames);
+        if way.interlaced {
+            notes.push("interlaced: of the two fields of each frame one picture is made".into());
+        }
         Ok(Video {
             path: path.to_path_buf(),
             decoder,
+            way,
             header: *reader.header(),
             duration: probe.duration,
             frames: probe.frames,
             bytes,
             codec: probe.codec,
             others: probe.others,
+            notes,
             command: reader.command().to_owned(),
         })
     }
 
-    /// Decodes it from its beginning.
+    /// Decodes it from its beginning. Frames of an interlaced one come at their full size.
     pub fn read(&self, size: FrameSize) -> Result<VideoReader, VideoError> {
         self.read_some(size, &[])
     }
@@ -81,7 +103,56 @@ impl Video {
     /// The same for the frames of these numbers, in rising order. Others may come between; each has its time, and no
     /// number of its own.
     pub fn read_some(&self, size: FrameSize, frames: &[usize]) -> Result<VideoReader, VideoError> {
-        VideoReader::start(&self.path, self.decoder, size, frames)
+        // A frame's place in a bare stream tells its time, and fields are joined with those of the frames beside them.
+        let whole = self.way.untimed || self.way.interlaced;
+        let frames = if whole { &[] } else { frames };
+        let size = if self.way.interlaced { FrameSize::Full } else { size };
+        VideoReader::start(&self.path, self.decoder, &self.way, size, frames)
+    }
+
+    /// What is to be told of it once it was read to its end. `last`: its last frame's time.
+    pub fn told(&self, reader: &VideoReader, last: f64) -> Vec<String> {
+        let (name, mended) = (self.name(), reader.mended());
+        let mut notes = Vec::from_iter(self.cut_off(reader, last));
+        if self.way.untimed {
+            let rate = self.way.rate.unwrap_or(1.0 / STEP);
+            notes.push(format!(
+                "{name}: a bare stream has no times: {rate} frames a second are assumed"
+            ));
+        } else if mended > 0 {
+            notes.push(format!(
+                "{name}: the times of {mended} frames go back, stand still or are missing: each comes one step after \
+                 the frame before it, and what follows is moved by as much; join no logs by these times"
+            ));
+        }
+        notes
+    }
+
+    /// Whether it ends before its end.
+    fn cut_off(&self, reader: &VideoReader, last: f64) -> Option<String> {
+        /// Lengths that containers tell may be off by this, seconds, and by this share.
+        const OFF: (f64, f64) = (1.0, 0.01);
+        let name = self.name();
+        match (reader.ended(), self.duration) {
+            // GStreamer's words for frames that do not fit into the stream any more.
+            (Some(Ended::CutOff(said)), _) if said.contains("Could not multiplex") => {
+                Some(format!(
+                    "{name}: its pictures change their size after {last:.1} s; what was read is used; --decoder ffmpeg \
+                 reads on"
+                ))
+            }
+            (Some(Ended::CutOff(said)), _) => Some(format!(
+                "{name}: is cut off or damaged after {last:.1} s; what was read is used ({said})"
+            )),
+            // Times that were mended tell no length.
+            (_, Some(length)) if reader.mended() == 0 && last + OFF.0 + OFF.1 * length < length => {
+                Some(format!(
+                    "{name}: ends after {last:.1} s, but says that it lasts {length:.1} s: it is cut off; what was \
+                     read is used"
+                ))
+            }
+            _ => None,
+        }
     }
 
     /// Its file's name, for messages.
@@ -95,4 +166,22 @@ impl Video {
     pub fn share(&self, time: f64) -> Option<f64> {
         Some((time / self.duration?).clamp(0.0, 1.0))
     }
+}
+
+/// Frames at its beginning by which a track is judged.
+const LOOKED_AT: usize = 24;
+
+/// GStreamer's next track of pictures that moves, if the first does not: a cover may come first. With its first frames.
+fn moving(path: &Path, way: Way) -> Option<(usize, VideoReader, Vec<VideoFrame>)> {
+    const MOST: usize = 4;
+    for number in 1..MOST {
+        let way = Way { track: Some(number), ..way };
+        // There is no such track.
+        let mut reader = VideoReader::once(path, Decoder::Gstreamer, &way).ok()?;
+        let frames = reader.first_frames(LOOKED_AT);
+        if frames.len() > 1 {
+            return Some((number, reader, frames));
+        }
+    }
+    None
 }

@@ -71,6 +71,52 @@ impl Making {
         path
     }
 
+    /// The video in another file, as it is coded. `times`: of its packets, by an expression of FFmpeg's filter `setts`.
+    pub fn remade(&self, video: &Path, name: &str, times: &str) -> PathBuf {
+        let path = self.path(name);
+        let filter = format!("setts=ts={times}");
+        let how = ["-c", "copy", "-bsf:v", &filter, text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y", "-i", text(video)][..], &how].concat());
+        path
+    }
+
+    /// The video coded as interlaced.
+    pub fn flagged(&self, video: &Path, name: &str) -> PathBuf {
+        let path = self.path(name);
+        let how = ["-c:v", "libx264", "-flags", "+ildct+ilme", "-x264opts", "tff=1", "-crf", "10"];
+        let files = ["-v", "error", "-y", "-i", text(video), "-vf", "setfield=tff"];
+        self.run("ffmpeg", &[&files[..], &how, &[text(&path)]].concat());
+        path
+    }
+
+    /// The frames of a video as bare JPEGs, one after the other.
+    pub fn bare(&self, video: &Path, name: &str) -> PathBuf {
+        let path = self.path(name);
+        let how = ["-c:v", "mjpeg", "-q:v", "2", "-f", "mjpeg", text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y", "-i", text(video)][..], &how].concat());
+        path
+    }
+
+    /// The video without frames that are predicted from later ones.
+    pub fn in_order(&self, video: &Path, name: &str) -> PathBuf {
+        let path = self.path(name);
+        let how = ["-c:v", "libx264", "-bf", "0", "-g", "6", "-crf", "10", text(&path)];
+        self.run("ffmpeg", &[&["-v", "error", "-y", "-i", text(video)][..], &how].concat());
+        path
+    }
+
+    /// The video behind a track that is a single picture, larger or smaller than its own.
+    pub fn covered(&self, name: &str, video: &Path, scale: &str) -> PathBuf {
+        let [path, cover] = [name, "cover.mkv"].map(|name| self.path(name));
+        let (quiet, how) =
+            (["-v", "error", "-y"], ["-c:v", "mjpeg", "-frames:v", "1", "-vf", scale]);
+        self.run("ffmpeg", &[&quiet[..], &["-i", text(video)], &how, &[text(&cover)]].concat());
+        let tracks =
+            ["-i", text(&cover), "-i", text(video), "-map", "0", "-map", "1", "-c", "copy"];
+        self.run("ffmpeg", &[&quiet[..], &tracks, &[text(&path)]].concat());
+        path
+    }
+
     /// The video, then the same at half the size, in one stream.
     pub fn resized(&self, name: &str, video: &Path) {
         let [whole, half, list] = ["1.mkv", "2.mkv", "list.txt"].map(|file| self.path(file));
@@ -157,15 +203,27 @@ pub fn rotate(video: &Path, degrees: u32) -> PathBuf {
 
 /// What a camera sees that moves along a wall. `place`: which wall.
 pub fn pan(index: u32, place: u32) -> RgbImage {
+    let from = (f64::from(index) * PAN * f64::from(SIZE.0)).round() as u32;
+    wall((from, 0), place)
+}
+
+/// A frame of two fields: the even rows of one picture, the odd ones of another.
+pub fn woven(even: &RgbImage, odd: &RgbImage) -> RgbImage {
+    RgbImage::from_fn(even.width(), even.height(), |x, y| {
+        *[even, odd][y as usize % 2].get_pixel(x, y)
+    })
+}
+
+/// What a camera sees of a wall that is so many pixels right of its beginning, and below.
+pub fn wall((from, below): (u32, u32), place: u32) -> RgbImage {
     let (width, height) = SIZE;
-    let from = (f64::from(index) * PAN * f64::from(width)).round() as u32;
     let texture = |x: u32, y: u32| {
         let value = [(48, 2.0), (16, 1.5), (6, 1.0), (2, 0.5)]
             .map(|(cell, weight)| weight * smooth(x, y, cell, place));
         (value.iter().sum::<f64>() / 5.0 * 220.0 + 15.0) as u8
     };
     RgbImage::from_fn(width, height, |x, y| {
-        let value = texture(x + from, y);
+        let value = texture(x + from, y + below);
         Rgb([value, value / 2 + 60, value])
     })
 }
