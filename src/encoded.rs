@@ -62,6 +62,9 @@ pub struct FrameStats {
     /// Whether the frame's time ended its search, which then goes on in the next frames:
     /// [`EncoderOptions::frame_time`](crate::EncoderOptions::frame_time).
     pub out_of_time: bool,
+    /// Whether the frame fits the render much better with red and blue exchanged: its order may be BGR. Looked for in
+    /// the first frames, told once; nothing else changes.
+    pub colours_exchanged: bool,
     /// Whether the device draws what every portable device draws: see [`crate::vulkan::DeviceInfo::portable`].
     pub portable: bool,
     /// Frames since the last certain one, or since the encoder was made or reset. This frame counts; 0 if it is

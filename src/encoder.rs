@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::frame_time::FrameTime;
 use crate::frame_work::{Coders, FrameWork, TrackedStream};
-use crate::image::{Mask, Preprocessing, Preprocessor};
+use crate::image::{ColourOrder, Mask, Preprocessing, Preprocessor};
 use crate::packet::{
     Latent, PacketError, PoseBound, PoseProfile, QuantisedPose, SentPoses, Session,
 };
@@ -145,6 +145,7 @@ pub struct Encoder {
     /// `None`: frames take as long as their search takes.
     frame_time: Option<FrameTime>,
     interrupt: Interrupt,
+    colour_order: ColourOrder,
 }
 
 impl Encoder {
@@ -185,6 +186,7 @@ impl Encoder {
             time: None,
             frame_time,
             interrupt,
+            colour_order: ColourOrder::default(),
         })
     }
 
@@ -418,6 +420,7 @@ impl Encoder {
         let renderer = self.tracker.objective().renderer();
         work.render.resize(self.camera.width, self.camera.height);
         work.render.data.copy_from_slice(renderer.rendered());
+        work.stats.colours_exchanged = self.colour_order.is_exchanged(&work.frame, &work.render);
         if let Some(mask) = &self.mask {
             let render = &work.render.data;
             let as_render = |at: usize, rgb: &mut [u8]| rgb.copy_from_slice(&render[at..at + 3]);

@@ -16,7 +16,7 @@
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Duration;
 
 /// Why a queue refuses a call.
@@ -62,22 +62,33 @@ impl Lost {
 }
 
 /// Ends work that is under way, from any thread. All who hold it share it.
-#[derive(Clone, Debug, Default)]
-pub struct Interrupt(Arc<AtomicBool>);
+#[derive(Clone, Default)]
+pub struct Interrupt(Arc<Asked>);
+
+#[derive(Default)]
+struct Asked {
+    is_set: AtomicBool,
+    look: OnceLock<Box<dyn Fn() -> bool + Send + Sync>>,
+}
 
 impl Interrupt {
     /// Has the work end.
     pub fn set(&self) {
-        self.0.store(true, Ordering::Relaxed);
+        self.0.is_set.store(true, Ordering::Relaxed);
     }
 
     /// Lets work go on from here.
     pub fn clear(&self) {
-        self.0.store(false, Ordering::Relaxed);
+        self.0.is_set.store(false, Ordering::Relaxed);
+    }
+
+    /// Has work ask, too, before each submission, whether to end: the first one who says what to ask.
+    pub fn ask(&self, look: impl Fn() -> bool + Send + Sync + 'static) {
+        self.0.look.get_or_init(|| Box::new(look));
     }
 
     pub fn is_set(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.0.is_set.load(Ordering::Relaxed) || self.0.look.get().is_some_and(|look| look())
     }
 }
 

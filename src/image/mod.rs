@@ -8,6 +8,7 @@
 
 mod axis;
 mod colour;
+mod colour_order;
 mod convert;
 mod error;
 mod mask;
@@ -19,6 +20,8 @@ mod undistortion;
 mod view;
 mod write;
 
+#[cfg(feature = "encode")]
+pub(crate) use colour_order::ColourOrder;
 pub use convert::Converter;
 pub use error::PixelError;
 pub use mask::Mask;

@@ -3,6 +3,8 @@
 //! It holds [`Extras`], and names the prior that they belong to. Files of our own formats hold theirs themselves:
 //! nothing is looked for beside them.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::beside;
@@ -30,6 +32,24 @@ pub fn read(path: &Path, id: PriorId, splats: usize) -> Result<Option<Extras>, P
     }
     let read = || from_bytes(&beside::read(&path, MAX_BYTES, Format::Beside.text())?, id, splats);
     read().map(Some).map_err(|error| error.in_file(&path.display().to_string()))
+}
+
+/// The name of such a file in the folder of the prior at `path`: it belongs to this prior, but bears another name.
+pub(super) fn misnamed(path: &Path, id: PriorId) -> Option<String> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let belongs = |path: &Path| {
+        let mut start = [0; Head::BYTES];
+        if !path.is_file() {
+            return false; // What a pipe's other end never writes.
+        }
+        let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+        let head = read.ok().and_then(|()| Head::read(&start, Format::Beside, u64::MAX).ok());
+        head.is_some_and(|head| head.id == id)
+    };
+    let paths = entries.flatten().map(|entry| entry.path());
+    let found = paths.filter(|path| path.extension().is_some_and(|e| e == "nvsx") && belongs(path));
+    found.filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned())).min()
 }
 
 /// Reads the content of such a file, as [`read`] does.
@@ -129,6 +149,29 @@ mod tests {
         std::fs::create_dir(&beside).unwrap();
         let folder = open(&path).unwrap_err().to_string();
         assert!(folder.contains("p.ply.nvsx: no file of"), "{folder}");
+    }
+
+    /// A tool that writes the prior anew under another name leaves the file beside it as it is.
+    #[test]
+    fn one_under_another_name_is_told() {
+        let (folder, path) = folder();
+        let prior = open(&path).unwrap();
+        let told = |path: &Path| -> Vec<String> { open(path).unwrap().report().notes().collect() };
+        let extras = Extras { key_frames: sample_key_frames(5), ..Extras::default() };
+        std::fs::write(path_beside(&path), to_bytes(&extras, prior.id(), 3)).unwrap();
+        let others = to_bytes(&extras, PriorId(prior.id().0 ^ 1), 3);
+        std::fs::write(folder.path().join("a.ply.nvsx"), others).unwrap();
+        std::fs::write(folder.path().join("b.ply.nvsx"), b"nvsx").unwrap();
+        std::fs::create_dir(folder.path().join("c.nvsx")).unwrap();
+        assert_eq!(told(&path), [""; 0]);
+        let renamed = folder.path().join("scaled.ply");
+        std::fs::copy(&path, &renamed).unwrap();
+        let [note] = &told(&renamed)[..] else { panic!("{:?}", told(&renamed)) };
+        assert!(note.contains("p.ply.nvsx holds this prior's key frames"), "{note}");
+        assert!(note.ends_with("scaled.ply.nvsx"), "{note}");
+        std::fs::copy(path_beside(&path), path_beside(&renamed)).unwrap();
+        assert_eq!(told(&renamed), [""; 0]);
+        assert_eq!(open(&renamed).unwrap().key_frames().len(), 5);
     }
 
     #[test]

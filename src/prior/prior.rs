@@ -79,7 +79,16 @@ impl Prior {
             true => None,
             false => extras_file::read(path, read.id, read.len())?,
         };
-        let prior = read.with_overrides(overrides).map_err(named)?;
+        let misnamed = if extras.is_none() && !read.report.format.is_own() {
+            extras_file::misnamed(path, read.id)
+        } else {
+            None
+        };
+        let mut prior = read.with_overrides(overrides).map_err(named)?;
+        prior.report.warnings.extend(misnamed.map(|found| PriorWarning::Misnamed {
+            found,
+            due: extras_file::path_beside(path).display().to_string(),
+        }));
         Ok(match extras {
             Some(extras) => Prior { extras, ..prior },
             None => prior,

@@ -23,6 +23,13 @@ pub enum PriorWarning {
         /// What they look like.
         looks_like: &'static str,
     },
+    /// A file in the prior's folder holds its key frames and other extras, under another name than the prior's.
+    Misnamed {
+        /// Its name.
+        found: String,
+        /// The one that is looked for.
+        due: String,
+    },
 }
 
 impl fmt::Display for PriorWarning {
@@ -45,6 +52,11 @@ impl fmt::Display for PriorWarning {
                     "{what} were read as {taken_for}: check the picture, and save the scene anew"
                 )
             }
+            PriorWarning::Misnamed { found, due } => write!(
+                f,
+                "{found} holds this prior's key frames and extras, and was left out, as its name is another: copy it \
+                 to {due}"
+            ),
             PriorWarning::LooksLike { what, looks_like } => write!(
                 f,
                 "{what} look like {looks_like}: if the picture is wrong, have the scene written anew"
