@@ -43,8 +43,7 @@ const DRI: u8 = 0xDD;
 /// Reads all of a JPEG. A missing end mark alone is no fault.
 pub fn check(bytes: &[u8]) -> Result<(), JpegError> {
     let (mut headers, mut at) = (Headers::default(), 0);
-    loop {
-        let Some((marker, after)) = next_marker(bytes, at) else { break };
+    while let Some((marker, after)) = next_marker(bytes, at) {
         at = after;
         match marker {
             EOI => break,
