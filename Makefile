@@ -149,9 +149,11 @@ quick:
 		--test conformance --test definition --test encode_decode --test fuzz_corpus --test payload_start --test modules \
 		--test prior_formats --test search --test stream --test wavelet
 
+# The examples are `make lint`'s: each takes as long to link as a program.
 test:
 	@scripts/setup.sh run test
-	cargo test $(ALL)
+	cargo test $(ALL) --lib --bins --tests
+	cargo test $(ALL) --doc
 
 # They have `test = false` in Cargo.toml.
 long-test:

@@ -32,6 +32,7 @@ use nvsprior_channel::link;
 #[cfg(feature = "console")]
 use nvsprior_console::{channel, console, vehicle};
 use nvsprior_inputs::values::WrongUsage;
+use nvsprior_runs::untold;
 
 /// Pictures through an acoustic modem: image compression against a 3D Gaussian Splatting prior.
 ///
@@ -109,8 +110,12 @@ fn main() -> ExitCode {
 
 /// The exit code; names what failed.
 fn report(result: anyhow::Result<ExitCode>) -> ExitCode {
-    result.unwrap_or_else(|error| {
+    let code = result.unwrap_or_else(|error| {
         tell!("nvsprior: {error:#}");
         if error.is::<WrongUsage>() { ExitCode::from(2) } else { ExitCode::FAILURE }
-    })
+    });
+    if untold() > 0 {
+        tell!("nvsprior: {} lines could not be written to standard output or error", untold());
+    }
+    code
 }

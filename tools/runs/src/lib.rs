@@ -7,20 +7,37 @@
 /// As `eprintln`, but a log on a full disk ends no program.
 #[macro_export]
 macro_rules! tell {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), $($text)*);
-    }};
+    ($($text:tt)*) => {
+        $crate::put(&mut std::io::stderr(), format_args!($($text)*))
+    };
 }
 
 /// As `println`, but a full disk or a closed pipe ends no work.
 #[macro_export]
 macro_rules! say {
-    ($($text:tt)*) => {{
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stdout(), $($text)*);
-    }};
+    ($($text:tt)*) => {
+        $crate::put(&mut std::io::stdout(), format_args!($($text)*))
+    };
 }
+
+/// Lines of the program that could not be written.
+static UNTOLD: AtomicUsize = AtomicUsize::new(0);
+
+/// Writes a line, or counts it.
+pub fn put(to: &mut impl Write, line: Arguments<'_>) {
+    if writeln!(to, "{line}").is_err() {
+        UNTOLD.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// How many lines could not be written.
+pub fn untold() -> usize {
+    UNTOLD.load(Ordering::Relaxed)
+}
+
+use std::fmt::Arguments;
+use std::io::Write;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 mod contact;
 mod frame_folder;

@@ -140,3 +140,24 @@ fn a_full_disk_costs_nothing_that_was_there() {
     assert!(code == Some(1) && said.contains("cannot write new/0.nvsp"), "{said}");
     assert!(names(&dive, "new").is_empty(), "no file of 0 bytes");
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_cannot_be_told_is_counted_and_ends_nothing() {
+    let dive = Dive::without_frames();
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let run = |to_stderr: bool| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_nvsprior"));
+        command.args(["import", "prior.ply", "--out", "a.nvsg"]).current_dir(dive.path(""));
+        command.stdout(full());
+        if to_stderr { command.stderr(full()).output() } else { command.output() }.unwrap()
+    };
+    for to_stderr in [false, true] {
+        let output = run(to_stderr);
+        assert!(output.status.success());
+        assert!(dive.path("a.nvsg").exists());
+        std::fs::remove_file(dive.path("a.nvsg")).unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(to_stderr || said.contains("lines could not be written"), "{said}");
+    }
+}

@@ -1,5 +1,5 @@
-//! Inria's `cameras.json`, which its trainer writes: a list of `img_name`, `width`, `height`, `fx`, `fy`, `position` (the
-//! camera's centre) and `rotation` (camera to world, rows). The principal point is the picture's middle.
+//! Inria's `cameras.json`, which its trainer writes: a list of `img_name`, `width`, `height`, `fx`, `fy`, `position`
+//! (the camera's centre) and `rotation` (camera to world, rows). The principal point is the middle.
 
 use glam::{DMat3, DQuat, DVec3};
 use nvsprior::Pose;
