@@ -232,6 +232,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let deviation = TrackPoint::Deviation(row.stats.pose_deviation());
             track.write(&row.file, row.time, &row.pose, deviation)?;
         }
+        if row.stats.colours_exchanged {
+            let what = "fits the prior much better with red and blue exchanged: is its order BGR?";
+            tell!("{}: {what}", row.file);
+        }
         rows.push(row);
         pictures.extend(picture);
         bar.inc(1);
