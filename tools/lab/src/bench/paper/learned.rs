@@ -121,9 +121,7 @@ impl LearnedCoder {
             shown,
         }
     }
-}
 
-impl LearnedCoder {
     /// A point of it on a run, the place of its setting among others for its setting.
     pub fn point(&self, run: &Run, place: usize) -> Point {
         let coded = self.coded(run);
