@@ -14,9 +14,9 @@ if [ $# = 0 ]; then
     set -- "$built"/python-test/wheels/nvsprior-*.whl
 fi
 venv=$built/python-test/venv
-if ! "$venv/bin/python" -c 'import mypy, numpy, pytest' 2> /dev/null; then
+if ! "$venv/bin/python" -c 'import matplotlib, mypy, numpy, PIL, pytest' 2> /dev/null; then
     python3 -m venv --clear "$venv"
-    "$venv/bin/pip" install --quiet --disable-pip-version-check numpy pytest mypy
+    "$venv/bin/pip" install --quiet --disable-pip-version-check numpy pytest mypy matplotlib pillow
 fi
 "$venv/bin/pip" install --quiet --disable-pip-version-check --force-reinstall --no-deps "$1"
 

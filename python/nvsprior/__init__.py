@@ -49,6 +49,7 @@ from .errors import (
     Error,
     FileError,
     ForeignError,
+    ForkedError,
     InternalError,
     LimitError,
     ModemError,
@@ -63,6 +64,7 @@ from .errors import (
     StateError,
 )
 from .link import Shown, Vehicle, link
+from .measures import psnr, ssim
 
 __all__ = [
     "ArgumentError",
@@ -83,6 +85,7 @@ __all__ = [
     "Error",
     "FileError",
     "ForeignError",
+    "ForkedError",
     "Hint",
     "InternalError",
     "Keys",
@@ -111,5 +114,7 @@ __all__ = [
     "join",
     "link",
     "map",
+    "psnr",
     "split",
+    "ssim",
 ]

@@ -81,6 +81,10 @@ class StateError(Error):
     """The call is not possible now: the text says what is due first."""
 
 
+class ForkedError(StateError, RuntimeError):
+    """The object was made in another process. Make it in the child, or start the child by spawn."""
+
+
 class BusyError(Error):
     """Another thread is inside a call on this object."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Callable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ._nvsprior import (
     Camera,
@@ -22,6 +22,7 @@ from ._nvsprior import (
     Topside,
     VehicleLink,
 )
+from .measures import psnr
 
 Picture = NDArray[np.uint8]
 
@@ -48,13 +49,13 @@ class Vehicle:
         self,
         now: float,
         picture: Picture,
-        hint: Pose | Hint | None = None,
+        hint: Pose | Hint | ArrayLike | None = None,
         *,
         exposed: float | None = None,
         ready: Callable[[], float] | None = None,
         user: bytes = b"",
     ) -> Encoded | None:
-        """Takes a camera frame: all of them count. None: it is left out, as the link has no bytes for it.
+        """Takes a camera frame: all of them count. Returns Encoded; None: it is left out, as the link has no bytes.
 
         ``exposed``: when, seconds; None: now. ``ready``: tells the time once it is coded; None: it is ``now``.
         ``user``: user bytes that travel with it.
@@ -95,17 +96,12 @@ class Shown:
     """PSNR of the picture against the frame, dB; NaN without a picture."""
 
 
-def _psnr(a: Picture, b: Picture) -> float:
-    mse = float(np.mean((a.astype(np.float64) - b) ** 2))
-    return math.inf if mse == 0.0 else 10.0 * math.log10(255.0**2 / mse)
-
-
 def link(
     engine: Engine,
     prior: Prior,
     camera: Camera,
     frames: Sequence[Picture],
-    hint: Pose | Hint | None = None,
+    hint: Pose | Hint | ArrayLike | None = None,
     *,
     bit_rate: float = 5_000.0,
     mtu: int = 64,
@@ -122,7 +118,7 @@ def link(
     seed: int = 1,
     keys: Keys | None = None,
 ) -> Iterator[Shown]:
-    """Sends frames over a simulated acoustic link without a return channel, and yields what the pilot sees of each.
+    """Sends frames over a simulated acoustic link without a return channel. Returns what the pilot sees of each.
 
     ``frames``: uint8, shape (height, width, 3), RGB, ``fps`` per second. ``hint``: about where the camera stands in the
     first one. ``bit_rate``: bit/s. ``mtu``, ``overhead``: bytes of a modem frame, and what it costs beside them.
@@ -171,7 +167,7 @@ def _run(
     channel: Channel,
     topside: Topside,
     frames: Sequence[Picture],
-    hint: Pose | Hint | None,
+    hint: Pose | Hint | ArrayLike | None,
     fps: float,
     latency: float,
     coding: float,
@@ -210,5 +206,5 @@ def _run(
             own=kind == "own",
             sent=sent.get(shown, 0),
             arrived=0 if packet is None else len(packet.packet),
-            psnr=math.nan if picture is None else _psnr(picture, frames[shown]),
+            psnr=math.nan if picture is None else psnr(picture, frames[shown]),
         )

@@ -1,12 +1,10 @@
 //! NumPy's arrays in and out. What is wrong with one is told with the argument's name.
 
 use numpy::prelude::*;
-use numpy::{
-    AllowTypeChange, Element, PyArray1, PyArray2, PyArray3, PyArrayLike1, PyArrayLike2,
-    PyReadonlyArrayDyn, PyUntypedArray, dtype,
-};
+use numpy::{Element, PyArray1, PyArray2, PyArray3, PyReadonlyArrayDyn, PyUntypedArray, dtype};
 use nvsprior::Picture;
 use pyo3::exceptions::PyTypeError;
+use pyo3::intern;
 use pyo3::prelude::*;
 
 use crate::errors::Failure;
@@ -26,12 +24,27 @@ fn typed<'py, T: Element>(
     };
     if !array.dtype().is_equiv_to(&dtype::<T>(py)) {
         let (found, due) = (array.dtype(), dtype::<T>(py));
-        return Err(PyTypeError::new_err(format!("{name}: dtype {found}, but {due} is due")));
+        let advice = if due.is_equiv_to(&dtype::<u8>(py)) { advice(found.kind()) } else { "" };
+        return Err(PyTypeError::new_err(format!(
+            "{name}: dtype {found}, but {due} is due{advice}"
+        )));
     }
     given.extract::<PyReadonlyArrayDyn<T>>()
 }
 
-fn wrong_shape(name: &str, found: &[usize], due: &str) -> Failure {
+/// How values of a kind of dtype become 0 to 255.
+fn advice(kind: u8) -> &'static str {
+    match kind {
+        b'f' => ": if values lie in [0, 1], multiply by 255, round, and `astype(np.uint8)`",
+        b'b' => ": multiply by 255, and `astype(np.uint8)`",
+        b'i' | b'u' => {
+            ": `astype(np.uint8)` if values lie in 0 to 255; of 16 bits, divide by 257 and round before"
+        }
+        _ => "",
+    }
+}
+
+pub fn wrong_shape(name: &str, found: &[usize], due: &str) -> Failure {
     Failure::argument(format!("{name}: an array of shape {found:?}, but {due} is due"))
 }
 
@@ -111,18 +124,35 @@ pub fn write_picture<'py>(
     Ok(out.clone())
 }
 
+/// An array of numbers, or what NumPy makes one of. Its values lie side by side, where the processor wants them.
+pub fn numeric<'py, T: Element>(given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    let py = given.py();
+    let require = py.import(intern!(py, "numpy"))?.getattr(intern!(py, "require"))?;
+    let array = require.call1((given, dtype::<T>(py), ("C", "A")))?;
+    array.extract::<PyReadonlyArrayDyn<T>>()
+}
+
 /// So many finite numbers.
 pub fn numbers<const N: usize>(name: &str, given: &Bound<PyAny>) -> PyResult<[f64; N]> {
+    let values = any_numbers(name, given)?;
+    check_finite(name, &values)?;
+    Ok(values)
+}
+
+/// So many numbers, infinite ones and NaN among them.
+pub fn any_numbers<const N: usize>(name: &str, given: &Bound<PyAny>) -> PyResult<[f64; N]> {
     let due = || PyTypeError::new_err(format!("{name}: {N} numbers are due"));
-    let array = given.extract::<PyArrayLike1<f64, AllowTypeChange>>().map_err(|_| due())?;
-    let values = array.as_array();
-    if values.len() != N {
+    let array = numeric::<f64>(given).map_err(|_| due())?;
+    if array.shape() != [N] {
         return Err(wrong_shape(name, array.shape(), &format!("({N},)")).into());
     }
-    let values: [f64; N] = std::array::from_fn(|i| values[i]);
+    Ok(std::array::from_fn(|i| array.as_array()[i]))
+}
+
+fn check_finite(name: &str, values: &[f64]) -> Result<(), Failure> {
     match values.iter().all(|value| value.is_finite()) {
-        true => Ok(values),
-        false => Err(Failure::argument(format!("{name}: all numbers must be finite")).into()),
+        true => Ok(()),
+        false => Err(Failure::argument(format!("{name}: all numbers must be finite"))),
     }
 }
 
@@ -132,16 +162,26 @@ pub fn rows<const N: usize>(
     given: &Bound<PyAny>,
     rows: std::ops::RangeInclusive<usize>,
 ) -> PyResult<Vec<[f64; N]>> {
+    let values = any_rows(name, given, rows)?;
+    check_finite(name, values.as_flattened())?;
+    Ok(values)
+}
+
+/// Rows of numbers, infinite ones and NaN among them.
+pub fn any_rows<const N: usize>(
+    name: &str,
+    given: &Bound<PyAny>,
+    rows: std::ops::RangeInclusive<usize>,
+) -> PyResult<Vec<[f64; N]>> {
     let due = || PyTypeError::new_err(format!("{name}: rows of {N} numbers are due"));
-    let array = given.extract::<PyArrayLike2<f64, AllowTypeChange>>().map_err(|_| due())?;
-    let values = array.as_array();
-    if values.ncols() != N || !rows.contains(&values.nrows()) {
-        return Err(wrong_shape(name, array.shape(), &format!("(rows, {N})")).into());
+    let array = numeric::<f64>(given).map_err(|_| due())?;
+    match *array.shape() {
+        [count, columns] if columns == N && rows.contains(&count) => {
+            let values = array.as_slice().map_err(|_| due())?;
+            Ok(values.as_chunks::<N>().0.to_vec())
+        }
+        _ => Err(wrong_shape(name, array.shape(), &format!("(rows, {N})")).into()),
     }
-    if !values.iter().all(|value| value.is_finite()) {
-        return Err(Failure::argument(format!("{name}: all numbers must be finite")).into());
-    }
-    Ok(values.rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect())
 }
 
 /// A new array of rows.

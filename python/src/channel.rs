@@ -4,6 +4,7 @@ use nvsprior_channel::channel::{Channel, ChannelOptions};
 use nvsprior_link::modem::Loss;
 use pyo3::prelude::*;
 
+use crate::arguments::whole;
 use crate::errors::Failure;
 use crate::handle::Handle;
 
@@ -11,7 +12,9 @@ use crate::handle::Handle;
 ///
 /// `bit_rate`: bit/s. `overhead`: bytes that a modem frame takes beside its own. `propagation`: seconds from one end to
 /// the other. `loss`, `burst`: the chance that a modem frame is lost, and how many are in a row. `reorder`: the chance
-/// that one arrives late. `blackout`: nothing arrives from the first time to the second, seconds.
+/// that one arrives late. `blackout`: nothing arrives from the first time to the second, seconds. Types: bit_rate:
+/// float, overhead: int, propagation: float, loss: float, burst: float, reorder: float, blackout: tuple[float, float],
+/// seed: int.
 #[pyclass(frozen, module = "nvsprior", name = "Channel")]
 pub struct PyChannel(Handle<Channel>);
 
@@ -23,14 +26,15 @@ impl PyChannel {
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn new(
         bit_rate: f64,
-        overhead: usize,
+        overhead: i128,
         propagation: f64,
         loss: f64,
         burst: f64,
         reorder: f64,
         blackout: (f64, f64),
-        seed: u64,
+        seed: i128,
     ) -> PyResult<PyChannel> {
+        whole!(overhead, seed);
         let loss = Loss { chance: loss, burst };
         loss.check().map_err(Failure::from)?;
         let wrong = |name: &str, value: f64, due: &str| {
@@ -57,8 +61,9 @@ impl PyChannel {
     }
 
     /// Sends a modem frame of `length` bytes that is ready at `now`, seconds, after those before it. Returns when it
-    /// arrives, seconds; None: it is lost.
-    fn send(&self, now: f64, length: usize) -> PyResult<Option<f64>> {
+    /// arrives, seconds; None: it is lost. Types: now: float, length: int. Returns float | None.
+    fn send(&self, now: f64, length: i128) -> PyResult<Option<f64>> {
+        whole!(length);
         if !now.is_finite() {
             return Err(Failure::argument(format!("now: {now}, must be finite")).into());
         }

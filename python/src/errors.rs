@@ -30,12 +30,13 @@ pub enum Kind {
     Foreign,
     Replayed,
     State,
+    Forked,
     Busy,
     Internal,
 }
 
 impl Kind {
-    const ALL: [Kind; 21] = [
+    const ALL: [Kind; 22] = [
         Kind::Argument,
         Kind::Device,
         Kind::DeviceLost,
@@ -55,6 +56,7 @@ impl Kind {
         Kind::Foreign,
         Kind::Replayed,
         Kind::State,
+        Kind::Forked,
         Kind::Busy,
         Kind::Internal,
     ];

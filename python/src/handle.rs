@@ -9,8 +9,41 @@ use pyo3::prelude::*;
 
 use crate::errors::{Failure, Kind};
 
+/// What belongs to the process that made it: it may have a device, or threads. After a fork the child has neither, so
+/// there it is of no use, and its end does nothing.
+pub struct Owned<T> {
+    value: Option<T>,
+    process: u32,
+}
+
+impl<T> Owned<T> {
+    pub fn new(value: T) -> Owned<T> {
+        Owned { value: Some(value), process: std::process::id() }
+    }
+
+    /// # Errors
+    /// `ForkedError` in another process than the one that made it.
+    pub fn get(&self) -> Result<&T, Failure> {
+        let here = self.process == std::process::id();
+        self.value.as_ref().filter(|_| here).ok_or_else(|| {
+            let text = "this object was made in another process: a child made by fork has no device and no threads of \
+                        its parent. Make it in the child, or start the child by spawn: \
+                        multiprocessing.get_context(\"spawn\")";
+            Failure::new(Kind::Forked, text)
+        })
+    }
+}
+
+impl<T> Drop for Owned<T> {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            std::mem::forget(self.value.take());
+        }
+    }
+}
+
 /// What one thread at a time may use.
-pub struct Handle<T>(Mutex<Content<T>>);
+pub struct Handle<T>(Owned<Mutex<Content<T>>>);
 
 struct Content<T> {
     value: T,
@@ -23,15 +56,15 @@ pub struct Call<'a, T>(MutexGuard<'a, Content<T>>);
 
 impl<T> Handle<T> {
     pub fn new(value: T) -> Handle<T> {
-        Handle(Mutex::new(Content { value, broken: false }))
+        Handle(Owned::new(Mutex::new(Content { value, broken: false })))
     }
 
     /// Begins a call. Nobody waits, so nobody waits for ever.
     ///
     /// # Errors
-    /// `BusyError` if another thread is inside a call; `InternalError` if an earlier call panicked.
+    /// As [`Owned::get`]; `BusyError` if another thread is inside a call; `InternalError` if an earlier call panicked.
     pub fn enter(&self) -> Result<Call<'_, T>, Failure> {
-        match self.0.try_lock() {
+        match self.0.get()?.try_lock() {
             Ok(content) if !content.broken => Ok(Call(content)),
             Err(TryLockError::WouldBlock) => {
                 Err(Failure::new(Kind::Busy, "another thread is inside a call on this object"))

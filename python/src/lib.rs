@@ -5,6 +5,7 @@
 #![allow(missing_docs)]
 #![deny(unsafe_code)]
 
+mod arguments;
 mod arrays;
 mod channel;
 mod decoder;
@@ -17,7 +18,10 @@ mod keys;
 mod map;
 mod options;
 mod prior;
+mod prior_arrays;
+mod record;
 mod renderer;
+mod signals;
 mod topside;
 mod vehicle;
 

@@ -9,10 +9,11 @@ use nvsprior_train::key_frames;
 use nvsprior_train::mapper::{ColouredPoint, MapOptions, Mapper};
 use pyo3::prelude::*;
 
+use crate::arguments::{Whole, whole};
 use crate::arrays::{read_mask, read_picture, rows};
 use crate::engine::PyEngine;
 use crate::errors::Failure;
-use crate::geometry::{PyCamera, PyPose};
+use crate::geometry::{Poses, PyCamera, PyPose};
 use crate::handle::detached;
 use crate::prior::PyPrior;
 
@@ -30,7 +31,10 @@ const SLICE: f64 = 0.2;
 /// that is random. `progress`: called now and then with the steps done and those of the whole; an exception ends the
 /// training.
 ///
-/// The prior gets key frames at some of the poses, thinned out.
+/// The prior gets key frames at some of the poses, thinned out. Types: engine: Engine, pictures: list[uint8 array] |
+/// uint8 array, camera: Camera, poses: list[Pose | array] | array, masks: list[array | None] | None, points: array |
+/// None, colours: array | None, splats: int, sh_degree: int, iterations: int, ssim: float, knee: float, exposure: bool,
+/// correct_poses: bool, seed: int, progress: callable | None. Returns Prior.
 #[pyfunction]
 #[pyo3(signature = (engine, pictures, camera, poses, *, masks = None, points = None, colours = None,
     splats = 40_000, sh_degree = 1, iterations = 8_000, ssim = 0.2, knee = 0.1, exposure = false,
@@ -41,20 +45,22 @@ pub fn map(
     engine: &PyEngine,
     pictures: &Bound<PyAny>,
     camera: &PyCamera,
-    poses: Vec<PyRef<PyPose>>,
+    poses: Poses,
     masks: Option<Vec<Option<Bound<PyAny>>>>,
     points: Option<&Bound<PyAny>>,
     colours: Option<&Bound<PyAny>>,
-    splats: u32,
-    sh_degree: u32,
-    iterations: u32,
+    splats: i128,
+    sh_degree: i128,
+    iterations: i128,
     ssim: f32,
     knee: f32,
     exposure: bool,
     correct_poses: bool,
-    seed: u64,
+    seed: i128,
     progress: Option<&Bound<PyAny>>,
 ) -> PyResult<PyPrior> {
+    whole!(splats, sh_degree, seed);
+    let iterations: u32 = iterations.whole("iterations")?;
     let share = |name: &str, value: f32| match (0.0..=1.0).contains(&value) {
         true => Ok(value),
         false => Err(Failure::argument(format!("{name}: {value}, must lie in 0 to 1"))),
@@ -67,9 +73,9 @@ pub fn map(
     options.schedule.ssim = share("ssim", ssim)?;
     options.schedule.knee = share("knee", knee)?;
     let options = options.stating_focal(&camera.0);
-    let views = posed_pictures(pictures, &camera.0, &poses, masks)?;
+    let views = posed_pictures(pictures, &camera.0, &poses.all(), masks)?;
     let points = coloured_points(points, colours)?;
-    let mapper = detached(py, || Ok(Mapper::new(&engine.engine, views, &points, &options)?))?;
+    let mapper = detached(py, || Ok(Mapper::new(engine.get()?, views, &points, &options)?))?;
     let prior = Training { mapper, iterations, render: options.render }.run(py, progress)?;
     Ok(PyPrior(Arc::new(prior)))
 }
@@ -77,7 +83,7 @@ pub fn map(
 fn posed_pictures(
     pictures: &Bound<PyAny>,
     camera: &Camera,
-    poses: &[PyRef<PyPose>],
+    poses: &[PyPose],
     masks: Option<Vec<Option<Bound<PyAny>>>>,
 ) -> PyResult<Vec<PosedPicture>> {
     let count = pictures.len()?;

@@ -9,11 +9,14 @@ use nvsprior::prior::{Extras, KeyFrames, ply, replace_file};
 use nvsprior::{Prior, RenderOverrides};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
+use crate::arguments::Bytes;
 use crate::arrays::numbers;
 use crate::errors::Failure;
-use crate::geometry::PyPose;
+use crate::geometry::{Poses, PyPose};
 use crate::handle::detached;
+use crate::prior_arrays::{self, Arrays};
 
 /// A trained 3D Gaussian Splatting scene, checked, in host memory. Both sides of a link hold the same. It never
 /// changes; engines upload it when something draws it.
@@ -49,6 +52,8 @@ fn told(py: Python, prior: Prior) -> PyResult<PyPrior> {
 impl PyPrior {
     /// Reads a prior from a file: .ply, .nvsg, .nvsb, .spz, .glb, .sog or .compressed.ply; the content tells the
     /// format. Beside a foreign file its PATH.nvsx is read, too. The other arguments replace the file's render options.
+    /// Types: path: str | PathLike, near: float | None, alpha_max: float | None, antialiased: bool | None, background:
+    /// array | None, trained_focal: float | None. Returns Prior.
     #[staticmethod]
     #[pyo3(signature = (path, *, near = None, alpha_max = None, antialiased = None, background = None,
         trained_focal = None))]
@@ -65,14 +70,16 @@ impl PyPrior {
         told(py, detached(py, || Ok(nvsprior_formats::open(&path, &overrides)?))?)
     }
 
-    /// Reads a prior from a file's content. `name` stands for the file in errors.
+    /// Reads a prior from a file's content. `name` stands for the file in errors. Types: content: bytes-like, name:
+    /// str, near: float | None, alpha_max: float | None, antialiased: bool | None, background: array | None,
+    /// trained_focal: float | None. Returns Prior.
     #[staticmethod]
     #[pyo3(signature = (content, name = "prior", *, near = None, alpha_max = None, antialiased = None,
         background = None, trained_focal = None))]
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn from_bytes(
         py: Python,
-        content: &[u8],
+        content: Bytes,
         name: &str,
         near: Option<f32>,
         alpha_max: Option<f32>,
@@ -81,47 +88,80 @@ impl PyPrior {
         trained_focal: Option<f32>,
     ) -> PyResult<PyPrior> {
         let overrides = overrides(near, alpha_max, antialiased, background, trained_focal)?;
+        let content = &content[..];
         told(py, detached(py, || Ok(nvsprior_formats::from_bytes(content, name, &overrides)?))?)
     }
 
-    /// Number of splats.
+    /// The splats in gsplat's names and shapes, as float32: `means` (N, 3), `scales` (N, 3), `quats` (N, 4) as (w, x,
+    /// y, z) of length 1, `opacities` (N,), `sh` (N, K, 3). `raw`: logarithms of scales, logits of opacities,
+    /// quaternions of any length, as a prior holds them. Types: raw: bool. Returns dict[str, float32 array].
+    #[pyo3(signature = (*, raw = false))]
+    fn arrays<'py>(&self, py: Python<'py>, raw: bool) -> PyResult<Bound<'py, PyDict>> {
+        prior_arrays::arrays(py, self.0.splats(), raw)
+    }
+
+    /// A prior of such arrays. `like`: a prior that gives all else: render options, key frames, coder tables; None:
+    /// gsplat's options, and nothing else. `raw`: as `arrays` gives it; with `like` the identity then comes back.
+    /// Without `raw`, values are rounded anew, so what comes back may be another prior. Types: means: array, scales:
+    /// array, quats: array, opacities: array, sh: array, raw: bool, like: Prior | None. Returns Prior.
+    #[staticmethod]
+    #[pyo3(signature = (means, scales, quats, opacities, sh, *, raw = false, like = None))]
+    #[allow(clippy::too_many_arguments)] // Python names them.
+    fn from_arrays(
+        py: Python,
+        means: &Bound<PyAny>,
+        scales: &Bound<PyAny>,
+        quats: &Bound<PyAny>,
+        opacities: &Bound<PyAny>,
+        sh: &Bound<PyAny>,
+        raw: bool,
+        like: Option<&PyPrior>,
+    ) -> PyResult<PyPrior> {
+        let arrays = Arrays { means, scales, quats, opacities, sh };
+        told(py, arrays.prior(py, raw, like.map(|like| &like.0))?)
+    }
+
+    /// Number of splats. Returns int.
     fn __len__(&self) -> usize {
         self.0.len()
     }
 
-    /// The identity: eight hexadecimal digits. If it is not equal on both sides of a link, their pictures differ.
+    /// The identity: eight hexadecimal digits. If it is not equal on both sides of a link, their pictures differ. Type:
+    /// str.
     #[getter]
     fn id(&self) -> String {
         self.0.id().to_string()
     }
 
-    /// The format that it was read from.
+    /// The format that it was read from. Type: str.
     #[getter]
     fn format(&self) -> String {
         self.0.report().format.to_string()
     }
 
-    /// What was left out when it was read, a line for each reason; empty if all splats were valid.
+    /// What was left out when it was read, a line for each reason; empty if all splats were valid. Type: list[str].
     #[getter]
     fn dropped(&self) -> Vec<String> {
         self.0.report().dropped.iter().map(ToString::to_string).collect()
     }
 
-    /// The poses at which a lost camera is looked for.
+    /// The poses at which a lost camera is looked for. Type: list[Pose].
     #[getter]
     fn key_frames(&self) -> Vec<PyPose> {
         self.0.key_frames().poses().iter().copied().map(PyPose).collect()
     }
 
-    /// The same prior with other key frames. They are no part of its identity.
-    fn with_key_frames(&self, poses: Vec<PyRef<PyPose>>) -> PyResult<PyPrior> {
-        let poses = poses.iter().map(|pose| pose.0).collect();
+    /// The same prior with other key frames. They are no part of its identity. Types: poses: list[Pose | array] |
+    /// array. Returns Prior.
+    fn with_key_frames(&self, poses: Poses) -> PyResult<PyPrior> {
+        let poses = poses.all().iter().map(|pose| pose.0).collect();
         let key_frames = KeyFrames::new(poses).map_err(Failure::from)?;
         Ok(PyPrior(Arc::new(self.0.as_ref().clone().with_key_frames(key_frames))))
     }
 
     /// Writes it to a file, by the name's ending: .nvsg (compact, quantised: another identity) with all that it holds,
-    /// or .ply, which holds no coder tables, no weights of the display filter and no doubt.
+    /// or .ply, which holds no coder tables, no weights of the display filter and no doubt. Types: path: str |
+    /// PathLike. Returns None.
     fn save(&self, py: Python, path: PathBuf) -> PyResult<()> {
         detached(py, || save(&self.0, &path))?;
         Ok(())

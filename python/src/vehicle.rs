@@ -5,6 +5,7 @@ use nvsprior_link::{Pacing, VehicleEvent, VehicleLink, VehicleOptions};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::arguments::{Bytes, whole, wrong_type};
 use crate::encoder::PyEncoder;
 use crate::errors::Failure;
 use crate::handle::Handle;
@@ -13,17 +14,17 @@ use crate::keys::PyKeys;
 /// How a packet was divided into shares, which are modem frames.
 #[pyclass(frozen, get_all, module = "nvsprior", name = "Division")]
 pub struct PyDivision {
-    /// Shares.
+    /// Shares. Type: int.
     shares: usize,
-    /// Bytes of each.
+    /// Bytes of each. Type: int.
     share_bytes: usize,
-    /// Any so many yield a picture; of an unprotected packet the first so many.
+    /// Any so many yield a picture; of an unprotected packet the first so many. Type: int.
     picture_shares: usize,
-    /// So many yield all that is sent.
+    /// So many yield all that is sent. Type: int.
     whole_shares: usize,
-    /// Bytes of the packet that are sent.
+    /// Bytes of the packet that are sent. Type: int.
     packet_bytes: usize,
-    /// Bytes on the link, the overhead of each share counted.
+    /// Bytes on the link, the overhead of each share counted. Type: int.
     link_bytes: usize,
 }
 
@@ -53,14 +54,28 @@ impl From<Division> for PyDivision {
 ///   packet.
 /// - `expect_reports`: the topside sends reports. `keys`: those of both sides.
 /// - `state`: what `state()` gave before a restart.
+///
+/// Types: mtu: int, bit_rate: float | str | None, frame_rate: float | None, picture_rate: float | None, latency: float,
+/// delay: float, spread: float | None, overhead: int, min_bytes: int, max_shares: int | None, loss: float, burst:
+/// float, protection: str | None, stream: int, stamps: bool, utc: bool, user_bytes: int, expect_reports: bool, keys:
+/// Keys | None, state: bytes-like | None.
 #[pyclass(frozen, module = "nvsprior", name = "VehicleLink")]
 pub struct PyVehicleLink(Handle<VehicleLink>);
 
 /// The bit rate, or how it comes to be.
-#[derive(FromPyObject)]
 pub enum PacingArgument {
     Rate(f64),
     Named(String),
+}
+
+impl FromPyObject<'_, '_> for PacingArgument {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<PyAny>) -> PyResult<PacingArgument> {
+        let named = || given.extract().map(PacingArgument::Named);
+        let found = given.extract().map(PacingArgument::Rate).or_else(|_| named());
+        found.map_err(|_| wrong_type(&given, "bit_rate: a number, \"pull\" or None"))
+    }
 }
 
 #[pymethods]
@@ -71,27 +86,28 @@ impl PyVehicleLink {
         stream = 0, stamps = true, utc = false, user_bytes = 0, expect_reports = true, keys = None, state = None))]
     #[allow(clippy::too_many_arguments)] // Python names them.
     fn new(
-        mtu: usize,
+        mtu: i128,
         bit_rate: Option<PacingArgument>,
         frame_rate: Option<f64>,
         picture_rate: Option<f64>,
         latency: f64,
         delay: f64,
         spread: Option<f64>,
-        overhead: usize,
-        min_bytes: usize,
-        max_shares: Option<usize>,
+        overhead: i128,
+        min_bytes: i128,
+        max_shares: Option<i128>,
         loss: f64,
         burst: f64,
         protection: Option<&str>,
-        stream: u8,
+        stream: i128,
         stamps: bool,
         utc: bool,
-        user_bytes: usize,
+        user_bytes: i128,
         expect_reports: bool,
         keys: Option<&PyKeys>,
-        state: Option<&[u8]>,
+        state: Option<Bytes>,
     ) -> PyResult<PyVehicleLink> {
+        whole!(mtu, overhead, min_bytes, max_shares, stream, user_bytes);
         let unknown = |name: &str, found: &str, due: &str| -> PyErr {
             Failure::argument(format!("{name}: {found:?}, but there are {due}")).into()
         };
@@ -127,65 +143,70 @@ impl PyVehicleLink {
             user_bytes,
             is_utc: utc,
             keys: keys.map(|keys| keys.0.clone()),
-            state: state.unwrap_or_default().to_vec(),
+            state: state.map(|state| state.to_vec()).unwrap_or_default(),
         };
         Ok(PyVehicleLink(Handle::new(VehicleLink::new(&options).map_err(Failure::from)?)))
     }
 
     /// Counts a camera frame, and gives its number and the bytes of its packet. None: it is left out. `exposed`: when,
-    /// seconds; None: now.
+    /// seconds; None: now. Types: now: float, exposed: float | None. Returns tuple[int, int] | None.
     #[pyo3(signature = (now, exposed = None))]
     fn plan(&self, now: f64, exposed: Option<f64>) -> PyResult<Option<(u32, usize)>> {
         let planned = self.0.enter()?.plan(now, exposed.unwrap_or(now)).map_err(Failure::from)?;
         Ok(planned.map(|planned| (planned.number, planned.bytes)))
     }
 
-    /// Drops the frame that was planned: it could not be encoded.
+    /// Drops the frame that was planned: it could not be encoded. Returns None.
     fn drop_plan(&self) -> PyResult<()> {
         self.0.enter()?.drop_plan();
         Ok(())
     }
 
-    /// Tells the encoder what reports told since the last frame: call it before each frame.
+    /// Tells the encoder what reports told since the last frame: call it before each frame. Types: encoder: Encoder.
+    /// Returns None.
     fn instruct(&self, encoder: &PyEncoder) -> PyResult<()> {
         let mut call = self.0.enter()?;
         let mut content = encoder.handle().enter()?;
         Ok(call.instruct(&mut content.encoder).map_err(Failure::from)?)
     }
 
-    /// Takes the packet of the frame that was planned, ready at `now`, and the user bytes that travel with it.
+    /// Takes the packet of the frame that was planned, ready at `now`, and the user bytes that travel with it. Types:
+    /// now: float, packet: bytes-like, user: bytes-like | None. Returns Division.
     #[pyo3(signature = (now, packet, user = None))]
-    fn push(&self, now: f64, packet: &[u8], user: Option<&[u8]>) -> PyResult<PyDivision> {
-        let division = self.0.enter()?.push(now, packet, user.unwrap_or_default());
+    fn push(&self, now: f64, packet: Bytes, user: Option<Bytes>) -> PyResult<PyDivision> {
+        let division = self.0.enter()?.push(now, &packet, user.as_deref().unwrap_or_default());
         Ok(division.map_err(Failure::from)?.into())
     }
 
     /// Takes what the modem received. Raises if it is no report for this vehicle: that is no failure of the link.
-    fn receive(&self, now: f64, report: &[u8]) -> PyResult<()> {
-        Ok(self.0.enter()?.receive(now, report).map_err(Failure::from)?)
+    /// Types: now: float, report: bytes-like. Returns None.
+    fn receive(&self, now: f64, report: Bytes) -> PyResult<()> {
+        Ok(self.0.enter()?.receive(now, &report).map_err(Failure::from)?)
     }
 
-    /// The next modem frame that is due at `now` and has at most `most` bytes. None: none is.
+    /// The next modem frame that is due at `now` and has at most `most` bytes. None: none is. Types: now: float, most:
+    /// int | None. Returns bytes | None.
     #[pyo3(signature = (now, most = None))]
     fn transmit<'py>(
         &self,
         py: Python<'py>,
         now: f64,
-        most: Option<usize>,
+        most: Option<i128>,
     ) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        whole!(most);
         let mut call = self.0.enter()?;
         let frame = call.transmit(now, most.unwrap_or(usize::MAX)).map_err(Failure::from)?;
         Ok(frame.map(|frame| PyBytes::new(py, frame)))
     }
 
-    /// When the next modem frame is due, seconds; None: none waits, or the modem pulls.
+    /// When the next modem frame is due, seconds; None: none waits, or the modem pulls. Type: float | None.
     #[getter]
     fn due(&self) -> PyResult<Option<f64>> {
         Ok(self.0.enter()?.due())
     }
 
     /// The next event: its name, and seconds, a count, a rate, a region or user bytes, or None. "store": keep `state()`
-    /// before more goes.
+    /// before more goes. Returns tuple[str, object] | None.
     fn event(&self, py: Python) -> PyResult<Option<(&'static str, Py<PyAny>)>> {
         let mut call = self.0.enter()?;
         let Some(event) = call.event() else { return Ok(None) };
@@ -204,37 +225,38 @@ impl PyVehicleLink {
         }))
     }
 
-    /// What this end goes on with if it starts again.
+    /// What this end goes on with if it starts again. Returns bytes.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let mut state = Vec::new();
         self.0.enter()?.state(&mut state);
         Ok(PyBytes::new(py, &state))
     }
 
-    /// The link carries another bit rate from `now` on.
+    /// The link carries another bit rate from `now` on. Types: now: float, bit_rate: float. Returns None.
     fn set_bit_rate(&self, now: f64, bit_rate: f64) -> PyResult<()> {
         Ok(self.0.enter()?.set_bit_rate(now, bit_rate).map_err(Failure::from)?)
     }
 
-    /// The link's loss, as it was measured.
+    /// The link's loss, as it was measured. Types: loss: float, burst: float. Returns None.
     #[pyo3(signature = (loss, burst = 1.0))]
     fn set_loss(&self, loss: f64, burst: f64) -> PyResult<()> {
         let set = self.0.enter()?.set_loss(Loss { chance: loss, burst });
         Ok(set.map_err(Failure::from)?)
     }
 
-    /// Counts bytes that are given to the link at `now` besides.
-    fn count_others(&self, now: f64, bytes: usize) -> PyResult<()> {
+    /// Counts bytes that are given to the link at `now` besides. Types: now: float, bytes: int. Returns None.
+    fn count_others(&self, now: f64, bytes: i128) -> PyResult<()> {
+        whole!(bytes);
         Ok(self.0.enter()?.count_others(now, bytes).map_err(Failure::from)?)
     }
 
-    /// Number of the next frame: for `Encoder(first_frame=…)`.
+    /// Number of the next frame: for `Encoder(first_frame=…)`. Type: int.
     #[getter]
     fn next_frame(&self) -> PyResult<u32> {
         Ok(self.0.enter()?.next_frame())
     }
 
-    /// Counts since the start, by name.
+    /// Counts since the start, by name. Type: dict[str, int].
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let statistics = self.0.enter()?.statistics();

@@ -153,3 +153,72 @@ def test_what_a_file_says_beyond_the_format_is_told():
     text = head + "".join(f"property float {name}\n" for name in names) + "end_header\n" + "1 " * len(names)
     with pytest.warns(UserWarning, match='"temperature" is not known here'):
         nvsprior.Prior.from_bytes(text.encode())
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("width", lambda given: nvsprior.Camera(-1, 8, 9, 9, 4, 4)),
+        ("height", lambda given: given.camera.resized(8, 2**32)),
+        ("memory_limit", lambda given: nvsprior.Engine(memory_limit=-1)),
+        ("key_every", lambda given: given.encoder(key_every=-1)),
+        ("first_frame", lambda given: given.encoder(first_frame=2**40)),
+        ("bytes", lambda given: given.encoder(bytes=-5)),
+        ("steady_bytes", lambda given: given.encoder().set_rate(steady_bytes=-5)),
+        ("region", lambda given: given.encoder().set_region((0, -1, 4, 4))),
+        ("weight", lambda given: given.encoder().set_region((0, 0, 4, 4), 256)),
+        ("frame", lambda given: given.encoder().acknowledge(-1)),
+        ("frames", lambda given: given.encoder().skip(-1)),
+        ("most", lambda given: given.encoder().prepare(-1)),
+        ("pixel_limit", lambda given: nvsprior.Decoder(given.engine, given.prior, pixel_limit=-1)),
+        ("tag_bytes", lambda given: nvsprior.Keys("0" * 64, tag_bytes=-1)),
+        ("seed", lambda given: nvsprior.Channel(bit_rate=1.0, seed=-1)),
+        ("stream", lambda given: nvsprior.VehicleLink(64, 100.0, 1.0, stream=256)),
+        ("max_shares", lambda given: nvsprior.Topside(given.engine, given.prior, 64, max_shares=-1)),
+        ("iterations", lambda given: nvsprior.map(given.engine, [], given.camera, [], iterations=-1)),
+        ("mtu", lambda given: nvsprior.split(b"", -1)),
+    ],
+)
+def test_numbers_out_of_range_are_named(engine, prior, camera, name, call):
+    class Given:
+        def encoder(self, **options):
+            return nvsprior.Encoder(engine, prior, camera, **options)
+
+    given = Given()
+    given.engine, given.prior, given.camera = engine, prior, camera
+    with pytest.raises(nvsprior.ArgumentError, match=f"^{name}: -?[0-9]+, must be a whole number from 0 to"):
+        call(given)
+
+
+def test_devices_have_numbers(engine):
+    assert nvsprior.Engine(0).device == nvsprior.devices()[0]
+    with pytest.raises(nvsprior.DeviceError, match='"99"'):
+        nvsprior.Engine(99)
+    with pytest.raises(TypeError, match="device: a number, a part of a name or None is due, not list"):
+        nvsprior.Engine([0])
+    with pytest.raises(TypeError, match='bit_rate: a number, "pull" or None is due, not list'):
+        nvsprior.VehicleLink(64, [1], 1.0)
+
+
+def test_it_is_said_how_an_array_becomes_a_picture(engine, prior, camera, poses, frames):
+    encoder = nvsprior.Encoder(engine, prior, camera)
+    for dtype, advice in [
+        (np.float32, r"multiply by 255, round, and `astype\(np.uint8\)`"),
+        (bool, "multiply by 255"),
+        (np.int64, "if values lie in 0 to 255"),
+        (np.uint16, "divide by 257"),
+    ]:
+        with pytest.raises(TypeError, match=f"frame: dtype {np.dtype(dtype)}, but uint8 is due: .*{advice}"):
+            encoder.encode(frames[0].astype(dtype), poses[0])
+
+
+def test_a_hint_takes_what_frames_give(engine, prior, camera, poses, frames):
+    """While nothing is known of a pose, its covariance is infinite."""
+    lost = nvsprior.Encoder(engine, prior, camera).encode(np.full_like(frames[0], 90), poses[0])
+    assert not lost.certain and np.isinf(np.diag(lost.covariance)).any()
+    assert np.array_equal(nvsprior.Hint(lost.pose, lost.covariance).covariance, lost.covariance)
+    hint = nvsprior.Hint(lost.pose, deviation=[0.1, np.inf, 0.1, 0.01, 0.01, np.inf])
+    assert nvsprior.Encoder(engine, prior, camera).encode(frames[0], hint).frame == 0
+    for wrong in ({"covariance": np.full((6, 6), np.nan)}, {"deviation": [0.1] * 5 + [np.nan]}):
+        with pytest.raises(nvsprior.ArgumentError, match=next(iter(wrong))):
+            nvsprior.Hint(lost.pose, **wrong)

@@ -246,3 +246,18 @@ def test_packets_are_those_of_the_command_line(engine, prior, camera, poses, fra
         encoded = encoder.encode(frame, poses[number])
         [packet] = packets.rglob(f"{number:04}*.nvsp")
         assert encoded.packet == packet.read_bytes(), f"frame {number}"
+
+
+def test_red_and_blue_exchanged_are_told_once(engine, prior, camera, poses, frames, recwarn):
+    def run(turned: bool) -> list[nvsprior.Encoded]:
+        encoder = nvsprior.Encoder(engine, prior, camera)
+        given = [frame[..., ::-1] if turned else frame for frame in frames[:4]]
+        return [encoder.encode(frame, poses[0] if k == 0 else None) for k, frame in enumerate(given)]
+
+    assert not any(encoded.colours_exchanged for encoded in run(False)) and not recwarn.list
+    with pytest.warns(UserWarning, match="red and blue exchanged.*BGR") as warned:
+        assert [encoded.colours_exchanged for encoded in run(True)] == [True, False, False, False]
+    assert len(warned) == 1 and warned[0].filename == __file__
+    grey = np.full_like(frames[0], 90)
+    encoder = nvsprior.Encoder(engine, prior, camera, lost_renders=0)
+    assert not encoder.encode(grey, poses[0]).colours_exchanged

@@ -240,6 +240,10 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         if rows.is_empty() {
             args.prior.tell_if_cut(&encoded.render, &input.camera, &encoded.pose)?;
         }
+        if encoded.stats.colours_exchanged {
+            let what = "fits the prior much better with red and blue exchanged: is its order BGR?";
+            tell!("{}: {what}", input.file);
+        }
         outputs.packets.write(&format!("{}.nvsp", input.name), tags.put(&encoded.packet))?;
         rows.push(outputs.add(args, &input, frame, encoded)?);
         bar.inc(1);

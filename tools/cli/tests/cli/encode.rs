@@ -147,6 +147,22 @@ fn frames_that_are_not_certain_are_told() {
     assert!((summary["mean"]["certain"].as_f64().unwrap() - 1.0 / 3.0).abs() < 1e-12);
 }
 
+/// As OpenCV's order in memory, taken for RGB, makes them.
+#[test]
+fn frames_with_red_and_blue_exchanged_are_told_once() {
+    let dive = Dive::new();
+    let encode = format!("encode {INPUT} --packets p --starts camera-file");
+    let told = |run: String| run.matches("red and blue exchanged").count();
+    assert_eq!(told(dive.run(&encode).ends_with(0).stderr), 0);
+    for (t, picture) in pictures().iter().enumerate() {
+        let mut exchanged = picture.clone();
+        exchanged.data.chunks_exact_mut(3).for_each(|pixel| pixel.reverse());
+        save(&exchanged, &dive.path(&format!("images/{t}.png")));
+    }
+    let run = dive.run(&encode).ends_with(0).says("images/0.png: fits the prior much better");
+    assert_eq!(told(run.stderr), 1);
+}
+
 /// Gives the camera file's frames these times.
 fn set_times(dive: &Dive, times: [f64; FRAMES]) {
     let mut cameras = dive.json("cameras.json");

@@ -11,7 +11,7 @@ mod report;
 pub mod run;
 mod times;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use nvsprior::render::filter::FilterPlan;
@@ -21,6 +21,7 @@ use nvsprior_inputs::args::{progress, with_progress};
 
 use super::RunArgs;
 use super::context::{Context, Shot};
+use super::paper::{exchange, learned};
 use super::perturbed::{NEAR, steps};
 use super::searcher::Searcher;
 use external::External;
@@ -36,7 +37,7 @@ use run::{Beside, CodedRun, Run};
 /// containers. The bytes of a difference picture include what a steady packet adds: a latent part of 19 bytes, the
 /// payload's length, and a check of 2. Also measures the wavelet coder's time beside that of a forward render, and
 /// holds it against WebP frame by frame, at equal bytes. Writes codecs.json, codecs.csv, codecs-rates.csv,
-/// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv and codecs.svg.
+/// codecs-similarity.csv, codecs-times.csv, codecs-frames.csv, codecs.svg, and exchange/ for coders outside.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -46,6 +47,9 @@ pub struct Args {
     /// Leaves out whole frames, streams and warps, on which the slowest coders take hours.
     #[arg(long)]
     differences: bool,
+    /// Folder of what other coders made of exchange/, a folder each: docs/paper.md
+    #[arg(long, value_name = "DIR")]
+    learned: Option<PathBuf>,
 }
 
 /// Seed of the poses that an estimator would give.
@@ -58,10 +62,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<()> {
     context.one_size("this command")?;
+    let learned = args.learned.as_deref().map(|folder| learned::read(folder, &context.shots));
+    let learned = learned.transpose()?;
     let found = found(context)?;
     let (poses, beside) = (found.poses, Beside::default());
     let frames = context.shots.iter().map(|shot| shot.picture.clone()).collect();
     let run = Run::new(frames, found.renders, beside);
+    exchange::write(&folder.join("exchange"), &args.run.input, context, &run)?;
     let portable = context.engine.device().portable;
     let wavelets = [Tune::Psnr, Tune::Ssim, Tune::Detection];
     let [wavelet, tuned @ ..] = wavelets.map(|tune| Own::wavelet(&context.scene, portable, tune));
@@ -85,6 +92,8 @@ fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<
         report.variants(&run, &variants)?;
         report.warps(context, &run)?;
     }
+    let outside = learned.iter().flat_map(|learned| learned.coders.iter().enumerate());
+    report.points.extend(outside.map(|(place, coder)| coder.point(&run, place)));
     report::print(&run, &report.points, &report.missing);
     frames::print(&frames);
     frames::write(&folder.join("codecs-frames.csv"), &frames)?;

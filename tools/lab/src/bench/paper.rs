@@ -1,10 +1,11 @@
 //! `nvsprior-lab paper bench`: the paper's tables, row by row, on any frames.
 
+mod between;
 mod coders;
 mod equal;
 mod estimator;
-mod exchange;
-mod learned;
+pub(super) mod exchange;
+pub(super) mod learned;
 mod methods;
 mod ours;
 mod picture;
@@ -31,7 +32,8 @@ use runs::Runs;
 /// Measure the methods of the paper's tables, and the program's own
 ///
 /// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and pose
-/// estimators. JPEG XL needs `cjxl` and `djxl`. The learned coders come from `tools/paper` (--learned). Methods that
+/// estimators. JPEG XL needs `cjxl` and `djxl`. Coders of others, and the learned ones of `tools/paper`, come with
+/// --learned. Methods that
 /// cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with what the paper
 /// reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given with --starts holds
 /// the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
@@ -39,7 +41,7 @@ use runs::Runs;
 pub struct Args {
     #[command(flatten)]
     run: RunArgs,
-    /// Folder of what learned coders made of exchange/, as `tools/paper` writes it
+    /// Folder of what other coders made of exchange/, a folder each: docs/paper.md
     #[arg(long, value_name = "DIR")]
     learned: Option<PathBuf>,
     /// Only N frames, spread evenly over the run
@@ -67,11 +69,11 @@ fn measure(args: &Args, context: &mut Context, folder: &Path) -> anyhow::Result<
     // How long the regressor takes is not known here.
     let starts = starts.transpose()?.map(|poses| Estimates { poses, ms: 0.0 });
     let set = input.split.as_deref().unwrap_or("all");
-    let cameras = input.cameras()?.file_name().unwrap_or_default().to_string_lossy();
     let estimates = estimates(context)?;
     first_start(context, estimates.as_ref())?;
+    row::announce("poses");
     let runs = Runs::new(context, estimates.as_ref(), starts.as_ref())?;
-    exchange::write(&folder.join("exchange"), set, &cameras, context, &runs.invs)?;
+    exchange::write(&folder.join("exchange"), input, context, &runs.invs)?;
     let rows = rows(set, context, &runs, learned.as_ref(), starts.as_ref())?;
     report::print(&rows);
     report::write(folder, set, &runs.frames, &rows)
@@ -113,7 +115,9 @@ fn rows(
 ) -> anyhow::Result<Rows> {
     let methods = Methods::new(context, runs, set)?;
     let anchor = methods.anchor()?;
-    let equal = methods.equal(&anchor)?;
+    let mut equal = methods.equal(&anchor)?;
     let working = methods.working(&equal, learned, starts)?;
+    let outside = learned.iter().flat_map(|learned| learned.methods());
+    equal.extend(outside.filter_map(|method| between::at(method, &working, anchor.psnr)));
     Ok(Rows { working, target: anchor.psnr, equal })
 }

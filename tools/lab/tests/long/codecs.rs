@@ -1,8 +1,9 @@
 //! `nvsprior-lab codecs`: other coders beside ours.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use crate::dive::Dive;
+use crate::dive::{Dive, FRAMES};
+use crate::paper::give;
 
 const RUN: &str = "codecs --prior prior.ply --cameras cameras.json --split dive --report out";
 
@@ -106,4 +107,30 @@ fn differences_leave_out_frames_streams_and_warps() {
     for coder in ["wavelet", "wavelet tuned to ssim", "webp"] {
         assert!(report.iter().any(|row| row["coder"] == coder), "{coder}");
     }
+}
+
+#[test]
+fn a_coder_outside_gets_its_points() {
+    let dive = Dive::new();
+    let nothing = dive.path("nothing");
+    std::fs::create_dir(&nothing).unwrap();
+    let path = [("PATH", nothing.to_str().unwrap())];
+    let run = format!("{RUN} --differences");
+    dive.run_with(&run, &path).ends_with(0);
+    for (setting, least) in [("coarse", 40), ("fine", 80)] {
+        let about = json!({ "of": "differences", "setting": setting });
+        give(&dive, &format!("mine@{setting}"), "differences", &about, least);
+    }
+    give(&dive, "plain", "frames", &json!({ "of": "frames" }), 900);
+    dive.run_with(&format!("{run} --learned learned"), &path).ends_with(0);
+    let report = dive.json("out/codecs.json");
+    let mine = rows(&report, "mine", "difference");
+    let mean = 10.0 * (FRAMES - 1) as f64 / 2.0;
+    let bytes: Vec<f64> = mine.iter().map(|row| number(row, "bytes")).collect();
+    assert_eq!(bytes, [40.0 + mean + 22.0, 80.0 + mean + 22.0], "a steady packet's bytes, too");
+    assert!(mine.iter().all(|row| number(row, "psnr") > 48.0), "{mine:?}");
+    let plain = rows(&report, "plain", "frame");
+    assert_eq!(number(plain[0], "bytes"), 900.0 + mean);
+    let table = String::from_utf8(dive.bytes("out/codecs-rates.csv")).unwrap();
+    assert!(table.lines().any(|line| line.starts_with("mine,difference,intra")), "{table}");
 }

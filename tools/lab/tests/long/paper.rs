@@ -60,7 +60,13 @@ fn dive() -> Dive {
 #[test]
 fn every_row_is_measured_or_says_what_it_needs() {
     let dive = dive();
-    dive.run(&format!("{RUN} --report out")).ends_with(0);
+    let run = dive.run(&format!("{RUN} --report out")).ends_with(0);
+    let told = |what: &str| run.stderr.contains(&format!("measuring {what}\n"));
+    assert!(
+        ["poses", "webp", "invs+jpeg-xl", "ours-stream"].into_iter().all(told),
+        "{}",
+        run.stderr
+    );
     let report = dive.json("out/paper.json");
     let methods: Vec<_> =
         report.as_array().unwrap().iter().map(|row| row["method"].as_str().unwrap()).collect();
@@ -159,16 +165,21 @@ fn without_key_frames_the_rows_of_estimators_are_missing() {
 
 /// What a learned coder would give: pictures of exchange/, and made-up bytes.
 fn learn(dive: &Dive, folder: &str, method: &str, of: &str, lambda: f64) {
+    let about = json!({ "method": method, "lambda": lambda, "parameters": 1234, "seed": 1,
+        "steps": 2, "of": of, "weights": "" });
+    give(dive, folder, of, &about, 90);
+}
+
+/// What a coder outside gives: pictures of exchange/, and made-up bytes from `least` on.
+pub fn give(dive: &Dive, folder: &str, of: &str, about: &Value, least: usize) {
     let folder = format!("learned/{folder}");
     std::fs::create_dir_all(dive.path(&format!("{folder}/pictures"))).unwrap();
     for t in 0..FRAMES {
         let from = dive.path(&format!("out/exchange/{of}/{t}.png"));
         std::fs::copy(from, dive.path(&format!("{folder}/pictures/{t}.png"))).unwrap();
     }
-    let about = json!({ "method": method, "lambda": lambda, "parameters": 1234, "seed": 1,
-        "steps": 2, "of": of, "weights": "" });
-    dive.write_json(&format!("{folder}/method.json"), &about);
-    let rows = (0..FRAMES).map(|t| format!("{t},{},2.5,1.5\n", 90 + 10 * t)).collect::<String>();
+    dive.write_json(&format!("{folder}/method.json"), about);
+    let rows = (0..FRAMES).map(|t| format!("{t},{},2.5,1.5\n", least + 10 * t)).collect::<String>();
     let text = format!("name,bytes,encode_ms,decode_ms\n{rows}");
     std::fs::write(dive.path(&format!("{folder}/frames.csv")), text).unwrap();
 }
@@ -219,13 +230,63 @@ fn learned_coders_and_starts_get_their_rows() {
     assert!(number(row(&report, "affine-cnn+webp"), "bytes") > 52.0);
 }
 
+/// Pictures that are so many levels off.
+fn worsen(dive: &Dive, folder: &str, levels: u8) {
+    for t in 0..FRAMES {
+        let path = format!("learned/{folder}/pictures/{t}.png");
+        let mut picture = dive.picture(&path);
+        picture.data.iter_mut().for_each(|v| *v = if *v < 128 { *v + levels } else { *v - levels });
+        save(&picture, &dive.path(&path));
+    }
+}
+
+#[test]
+fn a_coder_of_any_name_gets_its_rows() {
+    let dive = dive();
+    let nothing = dive.path("nothing");
+    std::fs::create_dir(&nothing).unwrap();
+    let path = [("PATH", nothing.to_str().unwrap())];
+    let run = format!("{RUN} --report out");
+    dive.run_with(&run, &path).ends_with(0);
+    let target = number(row(&dive.json("out/paper.json"), "invs+webp"), "psnr");
+    // A constant error of `levels` has this PSNR.
+    let levels = |psnr: f64| 255.0 / 10f64.powf(psnr / 20.0);
+    let (coarse, fine) = (levels(target).ceil() as u8 + 1, levels(target).floor() as u8);
+    let about = |setting: &str| json!({ "of": "frames", "setting": setting });
+    give(&dive, "my-coder@a", "frames", &about("quality | 1"), 100);
+    give(&dive, "my-coder@b", "frames", &about("quality 2"), 400);
+    give(&dive, "residual.v2", "differences", &json!({ "of": "differences" }), 50);
+    worsen(&dive, "my-coder@a", coarse);
+    worsen(&dive, "my-coder@b", fine);
+    std::fs::create_dir(dive.path("learned/notes")).unwrap();
+    dive.run_with(&format!("{run} --learned learned"), &path).ends_with(0);
+    let report = dive.json("out/paper.json");
+    assert_eq!(row(&report, "my-coder@a")["setting"], "quality   1", "no cell ends there");
+    assert_eq!(number(row(&report, "my-coder@b"), "bytes"), 410.0);
+    assert_eq!(row(&report, "residual.v2")["setting"], "not stated");
+    assert_eq!(number(row(&report, "residual.v2"), "bytes"), 88.0, "the pose is sent, too");
+    assert!(row(&report, "mlic++")["missing"].is_string());
+    let equal = dive.json("out/paper-equal.json");
+    let between = row(&equal, "my-coder");
+    let [low, high] = ["a", "b"].map(|at| number(row(&report, &format!("my-coder@{at}")), "psnr"));
+    let part = (target - low) / (high - low);
+    assert!((0.0..1.0).contains(&part), "{low} {target} {high}");
+    let due = 110f64.powf(1.0 - part) * 410f64.powf(part);
+    assert!((number(between, "bytes") / due - 1.0).abs() < 1e-9, "{between}: {due}");
+    assert_eq!((&between["reached"], number(between, "psnr")), (&json!(true), target));
+    assert_eq!(row(&equal, "residual.v2")["reached"], false, "it has one point, above");
+    let text = String::from_utf8(dive.bytes("out/paper.md")).unwrap();
+    let line = text.lines().find(|line| line.contains("`my-coder@b`")).unwrap();
+    assert!(line.ends_with("| – | – |"), "the paper has no such row: {line}");
+}
+
 #[test]
 fn what_others_give_is_checked_before_work_begins() {
     let dive = Dive::new();
     dive.run(&format!("{RUN} --learned none --report out")).ends_with(1).says("none: ");
     std::fs::create_dir(dive.path("learned")).unwrap();
     let learned = format!("{RUN} --learned learned --report out");
-    dive.run(&learned).ends_with(1).says("learned: no folder of a learned coder");
+    dive.run(&learned).ends_with(1).says("learned: no folder of a coder in it");
     let exchange = dive.path("out/exchange/frames");
     std::fs::create_dir_all(&exchange).unwrap();
     for t in 0..FRAMES {
@@ -254,7 +315,10 @@ fn what_others_give_is_checked_before_work_begins() {
     for (text, says) in [
         ("{", "method.json: "),
         (r#"{"method": "webp"}"#, "method.json: \"method\" must be \"mlic++\""),
-        (r#"{"method": "mlic++", "of": "differences"}"#, "method.json: \"of\""),
+        (r#"{"method": "mlic++", "of": "differences"}"#, "method.json: \"of\" must be \"frames\""),
+        (r#"{"of": "both"}"#, "method.json: \"of\" must be \"frames\" or"),
+        (r#"{"of": "frames", "setting": 7}"#, "method.json: \"setting\""),
+        (r#"{"of": "frames", "parameters": -7}"#, "method.json: \"parameters\""),
         (r#"{"method": "mlic++", "of": "frames", "lambda": 0}"#, "method.json: \"lambda\""),
     ] {
         fresh();
@@ -268,8 +332,19 @@ fn what_others_give_is_checked_before_work_begins() {
     std::fs::remove_file(&picture).unwrap();
     dive.run(&learned).ends_with(1).says("pictures/1.png: ");
     fresh();
-    std::fs::rename(dive.path(folder), dive.path("learned/mlic")).unwrap();
-    dive.run(&learned).ends_with(1).says("learned/mlic: no learned coder of this name");
+    let mut at = dive.path(folder);
+    for (name, says) in [
+        ("webp", "learned/webp: `webp` is a row of the program's own"),
+        ("x264", "`x264` is a row of the program's own"),
+        ("ours-intra@2", "`ours-intra` is a row of the program's own"),
+        ("a|b", "learned/a|b: the name of a row has at most 64 letters"),
+        ("-x", "the name of a row"),
+    ] {
+        let next = dive.path(&format!("learned/{name}"));
+        std::fs::rename(&at, &next).unwrap();
+        dive.run(&learned).ends_with(1).says(says);
+        at = next;
+    }
 
     let run = format!("{RUN} --starts starts.csv --report out");
     for (text, says) in [

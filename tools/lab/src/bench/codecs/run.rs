@@ -116,7 +116,7 @@ impl Run {
 }
 
 /// Bytes of a steady packet without its payload: its latent part, and the residual's check.
-fn packet_bytes() -> f64 {
+pub fn packet_bytes() -> f64 {
     (SHORT_LATENT_LEN + residual_part_len(0)) as f64
 }
 

@@ -64,15 +64,15 @@ impl Method for OnPictures<'_> {
 
     fn code(&self, setting: Setting) -> anyhow::Result<Coded> {
         let OnPictures { coder, run, input } = *self;
-        let outcome = match (coder, setting) {
+        let outcome = match (coder, setting.clone()) {
             (Coder::JpegXl(coder), Setting::Distance(distance)) => {
                 coder.code(run, input, Mode::Intra, distance)?
             }
             (Coder::Webp(coder), setting) => {
-                let rate = setting.rate().with_context(|| wrong(setting))?;
+                let rate = setting.rate().with_context(|| wrong(&setting))?;
                 coder.code(run, input, rate)?
             }
-            (Coder::JpegXl(_), setting) => anyhow::bail!(wrong(setting)),
+            (Coder::JpegXl(_), setting) => anyhow::bail!(wrong(&setting)),
         };
         let (count, beside) = (run.len(), run.beside);
         Ok(Coded {
@@ -85,6 +85,6 @@ impl Method for OnPictures<'_> {
     }
 }
 
-fn wrong(setting: Setting) -> String {
+fn wrong(setting: &Setting) -> String {
     format!("the coder has no setting of this kind: {}", setting.text())
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use nvsprior::Picture;
+use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::values::make_folder;
 use nvsprior_runs::write_png;
 use serde::Serialize;
@@ -11,14 +12,15 @@ use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
 use nvsprior_inputs::report::write_json;
 
-/// `set`: the name of the frames; `cameras`: of their camera file.
+/// Writes it of a run's frames.
 pub fn write(
     folder: &Path,
-    set: &str,
-    cameras: &str,
+    input: &InputArgs,
     context: &Context,
     invs: &Run,
 ) -> anyhow::Result<()> {
+    let set = input.split.as_deref().unwrap_or("all");
+    let cameras = &input.cameras()?.file_name().unwrap_or_default().to_string_lossy();
     let kinds = ["frames", "renders", "differences"].map(|kind| folder.join(kind));
     for kind in &kinds {
         make_folder("--report", kind)?;

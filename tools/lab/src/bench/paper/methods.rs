@@ -8,7 +8,7 @@ use super::coders::{Coder, Method, OnPictures};
 use super::estimator::Estimates;
 use super::learned::{Learned, LearnedCoder, OF_DIFFERENCES, OF_FRAMES};
 use super::ours::{Ours, Packets, Starts, packets};
-use super::row::{Coded, Entry, Row, Setting};
+use super::row::{Coded, ESTIMATORS, Entry, Row, SETTABLE, Setting, announce};
 use super::runs::Runs;
 use super::{equal, published};
 use crate::bench::codecs::point::Input;
@@ -16,23 +16,8 @@ use crate::bench::codecs::run::Run;
 use crate::bench::context::Context;
 use crate::bench::perturbed::SHORT;
 
-/// The methods whose quality can be set, in the order of their rows. The learned ones come after the second.
-const SETTABLE: [&str; 10] = [
-    "webp",
-    "jpeg-xl",
-    "affine+webp",
-    "affine+jpeg-xl",
-    "invs+webp",
-    "invs+jpeg-xl",
-    "ours-intra",
-    "ours-stream",
-    "affine-cnn+webp",
-    "affine-cnn+jpeg-xl",
-];
 /// The method whose PSNR the others are compared at.
 pub const ANCHOR: &str = "invs+webp";
-/// Pose estimators: the relocaliser, and a regressor outside.
-const ESTIMATORS: [&str; 2] = ["estimator", "estimator-cnn"];
 /// A key frame of a stream is sent every so many frames.
 const KEY_EVERY: u32 = 16;
 
@@ -139,7 +124,8 @@ impl<'a> Methods<'a> {
                 }
                 "ours-stream" => {
                     let intra = of_equal("ours-intra");
-                    let setting = intra.as_ref().and_then(Entry::row).map(|row| row.setting);
+                    let setting =
+                        intra.as_ref().and_then(Entry::row).map(|row| row.setting.clone());
                     entries.extend(self.estimators(setting, starts)?);
                     bar.inc(1);
                 }
@@ -150,7 +136,10 @@ impl<'a> Methods<'a> {
         entries.extend(OF_DIFFERENCES.iter().map(|name| self.main(name, learned)));
         let coders = learned.iter().flat_map(|learned| {
             let is_main = |coder: &&LearnedCoder| {
-                learned.main(coder.method).is_some_and(|main| std::ptr::eq(main, *coder))
+                let of_paper =
+                    OF_FRAMES.iter().chain(&OF_DIFFERENCES).any(|name| *name == coder.method);
+                let main = learned.main(&coder.method).filter(|_| of_paper);
+                main.is_some_and(|main| std::ptr::eq(main, *coder))
             };
             learned.coders.iter().filter(move |coder| !is_main(coder))
         });
@@ -185,6 +174,7 @@ impl<'a> Methods<'a> {
         name: &'static str,
         code: impl FnOnce(&dyn Method) -> anyhow::Result<Coded>,
     ) -> anyhow::Result<Entry> {
+        announce(name);
         let method = match self.method(name) {
             Ok(method) => method,
             Err(what) => return Ok(Entry::missing(name, what)),
@@ -208,7 +198,7 @@ impl<'a> Methods<'a> {
 
     fn learned(&self, name: &str, coder: &LearnedCoder) -> Entry {
         let coded = coder.coded(&self.runs.invs);
-        let parameters = Some(coder.parameters);
+        let parameters = coder.parameters;
         Entry::measured(Row { parameters, ..Row::new(name, coded, self.frames()) })
     }
 
@@ -219,7 +209,9 @@ impl<'a> Methods<'a> {
         starts: Option<&Estimates>,
     ) -> anyhow::Result<Vec<Entry>> {
         let setting = setting.context("the program's own coder was not measured")?;
-        let run = |starts: &Starts| packets(self.context, self.context.options(), setting, starts);
+        let run = |starts: &Starts| {
+            packets(self.context, self.context.options(), setting.clone(), starts)
+        };
         let relocalised = match self.runs.affine {
             Some(_) => Ok(run(&Starts::Nothing)?),
             None => Err(no_key_frames()),

@@ -1,13 +1,50 @@
 //! What a method made of the frames.
 
+use std::io::IsTerminal as _;
+
 use nvsprior::{Picture, Rate};
 use serde::{Serialize, Serializer};
 
 use crate::bench::codecs::run::Run;
 use crate::bench::similarity::Similarity;
 
+/// The methods whose quality can be set, in the order of their rows. The learned ones come after the second.
+pub const SETTABLE: [&str; 10] = [
+    "webp",
+    "jpeg-xl",
+    "affine+webp",
+    "affine+jpeg-xl",
+    "invs+webp",
+    "invs+jpeg-xl",
+    "ours-intra",
+    "ours-stream",
+    "affine-cnn+webp",
+    "affine-cnn+jpeg-xl",
+];
+/// Pose estimators: the relocaliser, and a regressor outside.
+pub const ESTIMATORS: [&str; 2] = ["estimator", "estimator-cnn"];
+/// Rows of `nvsprior-lab codecs` beside these.
+pub const CODECS: [&str; 9] = [
+    "wavelet",
+    "x264",
+    "x265",
+    "libaom",
+    "svt-av1",
+    "vvenc",
+    "affine-webp",
+    "affine-jpeg-xl",
+    "found-affine-webp",
+];
+
+/// Says what is measured now, where no progress bar does.
+pub fn announce(what: &str) {
+    if !std::io::stderr().is_terminal() {
+        tell!("measuring {what}");
+    }
+}
+
 /// How fine a method codes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
     /// The quality of WebP, or of the program's own coder.
     Quality(f64),
@@ -16,24 +53,27 @@ pub enum Setting {
     Psnr(f64),
     /// Of a learned coder.
     Lambda(f64),
+    /// Of a coder outside, in its own words.
+    Words(String),
 }
 
 impl Setting {
     /// As the coders of packets take it; `None` if it is another coder's.
-    pub fn rate(self) -> Option<Rate> {
-        match self {
+    pub fn rate(&self) -> Option<Rate> {
+        match *self {
             Setting::Quality(quality) => Some(Rate::Quality(quality as f32)),
             Setting::Psnr(psnr) => Some(Rate::Psnr(psnr)),
-            Setting::Distance(_) | Setting::Lambda(_) => None,
+            Setting::Distance(_) | Setting::Lambda(_) | Setting::Words(_) => None,
         }
     }
 
-    pub fn text(self) -> String {
+    pub fn text(&self) -> String {
         match self {
             Setting::Quality(quality) => format!("quality {quality:.1}"),
             Setting::Distance(distance) => format!("distance {distance:.2}"),
             Setting::Psnr(psnr) => format!("{psnr:.2} dB each"),
             Setting::Lambda(lambda) => format!("lambda {lambda}"),
+            Setting::Words(words) => words.clone(),
         }
     }
 }
