@@ -10,8 +10,9 @@ const FEATURES: f64 = 1.3;
 const PAIR: f64 = 0.11;
 /// To find the pose of a picture with all the others, on one core.
 const POSE: f64 = 0.65;
-/// Pairs of a picture with others, about, if they are frames of a video.
-const PAIRS: usize = 15;
+/// Pairs of a picture with others, about, if they are frames of a video: 15 of one whose pose is found first, 5 of
+/// another.
+const PAIRS: usize = 8;
 
 /// A step so short says little of how fast the machine is, seconds.
 const DOUBT: f64 = 30.0;

@@ -144,6 +144,7 @@ impl StructureArgs {
             lenses: self.lenses(),
             matching: self.matching.unwrap_or(Matching::Auto),
             sequence: pictures.sequence,
+            first: pictures.first.clone(),
             size: how.matched(),
             masks: how.masks.map(Path::to_path_buf),
             navigation: None,
@@ -184,6 +185,8 @@ pub struct Unposed {
     pub folder: PathBuf,
     /// They are frames of a video, in the order of time.
     pub sequence: bool,
+    /// Names of those on which poses are found first; empty: all.
+    pub first: Vec<String>,
 }
 
 /// In what unit and axes the poses are.

@@ -13,7 +13,8 @@ use super::structure::{Search, Unposed};
 #[derive(clap::Args)]
 #[command(next_help_heading = "Videos")]
 pub struct VideoArgs {
-    /// How much of the picture a frame has in common with the one taken before, about: 10 % more or less
+    /// How much of the picture a frame has in common with the one taken before, about: 10 % more or less. Poses are
+    /// found on these; more frames are taken for the training
     #[arg(long, value_name = "PERCENT", conflicts_with = "cameras", default_value_t = 70,
         value_parser = clap::value_parser!(u8).range(20..=90))]
     overlap: u8,
@@ -67,7 +68,9 @@ impl VideoArgs {
     pub fn pictures(&self, given: Given, how: &Search) -> anyhow::Result<Option<Unposed>> {
         let videos = match given {
             Given::Nothing => return Ok(None),
-            Given::Folder(folder) => return Ok(Some(Unposed { folder, sequence: false })),
+            Given::Folder(folder) => {
+                return Ok(Some(Unposed { folder, sequence: false, first: Vec::new() }));
+            }
             Given::Videos(videos) => videos,
         };
         let folder = beside(how.out, ".frames");
@@ -82,17 +85,20 @@ impl VideoArgs {
         let record =
             frames_for_mapping(&videos, &folder, &options, &mut |progress| shown.show(progress))?;
         describe(&record, &folder, shown.worked());
-        Ok(Some(Unposed { folder, sequence: true }))
+        let first = record.frames.into_iter().filter(|frame| frame.first);
+        Ok(Some(Unposed { folder, sequence: true, first: first.map(|frame| frame.file).collect() }))
     }
 }
 
 fn describe(record: &Record, folder: &Path, worked: bool) {
     let read: usize = record.videos.iter().map(|video| video.frames).sum();
+    let first = record.frames.iter().filter(|frame| frame.first).count();
     let before = if worked { "" } else { " (chosen before)" };
     let overlaps: Vec<f64> = record.frames.iter().filter_map(|frame| frame.overlap).collect();
     let mean = 100.0 * overlaps.iter().sum::<f64>() / overlaps.len().max(1) as f64;
     tell!(
-        "{} of {read} frames are in {}{before}; neighbours have {mean:.0} % in common on average",
+        "{} of {read} frames are in {}{before}, {first} of them for finding poses; neighbours have {mean:.0} % in \
+         common on average",
         record.frames.len(),
         folder.display()
     );

@@ -86,6 +86,94 @@ fn a_video_becomes_a_folder_of_pictures() {
     }
 }
 
+/// Stands for COLMAP. Its models have the pictures that are compared with each other, then all.
+const STAND_IN: &str = r#"
+case "$1 $2" in
+  "help ") echo "COLMAP 9.9"; echo "  global_mapper"; exit 0;;
+  *" -h") echo "--Mapper.random_seed"; exit 0;;
+esac
+echo "$*" >> ../calls
+[ -f ../fail-$1 ] && exit 3
+model() {
+  mkdir -p "$1"; cp ../points3D.txt "$1"; echo "1 PINHOLE 320 180 260 260 160 90" > "$1/cameras.txt"
+  awk '{ print NR, 1, 0, 0, 0, -0.004 * NR, 0, 0, 1, $0; print "" }' > "$1/images.txt"
+}
+case "$1" in
+  matches_importer) cat pairs-auto.txt >> database.db;;
+  global_mapper) tr ' ' '\n' < pairs-auto.txt | sort -u | model sparse.part/0;;
+  mapper) model sparse.part < pictures.txt;;
+esac
+"#;
+
+#[test]
+fn poses_are_found_on_few_frames_and_many_are_trained_on() {
+    let dive = Dive::without_frames();
+    // A camera that moves along a wall, by a fiftieth of the picture from frame to frame.
+    let grain = |x: u32, y: u32| {
+        let hash = (x * 7919) ^ (y * 104_729);
+        (hash ^ (hash >> 7)).wrapping_mul(0x9E37_79B1) >> 26
+    };
+    let pan = |i: u32| {
+        let mut picture = Picture::new(320, 180);
+        for (at, value) in picture.data.chunks_mut(3).enumerate() {
+            let (x, y) = (at as u32 % 320 + 6 * i, at as u32 / 320);
+            let all = [40, 12, 4].map(|cell| grain(x / cell, y / cell)).iter().sum::<u32>();
+            value.fill(20 + all as u8);
+        }
+        picture
+    };
+    let frames: Vec<Picture> = (0..40).map(pan).collect();
+    video(&dive, "clip.mp4", &frames, 1);
+    program(&dive, "colmap", STAND_IN);
+    let point = |i: usize| {
+        let (x, y) = (0.004 * (i % 8) as f64 - 0.01, 0.003 * (i / 8) as f64 - 0.006);
+        format!("{i} {x} {y} 0.04 90 120 150 0.5 1 0 2 0\n")
+    };
+    std::fs::write(dive.path("points3D.txt"), (0..40).map(point).collect::<String>()).unwrap();
+    let path = path_with(&dive, "/usr/bin:/bin");
+    let map = || {
+        let args =
+            "map clip.mp4 --out p.ply --splats 300 --iterations 20 --held-out 0 --rehearsal 0";
+        dive.run_with(args, &[("PATH", &path)])
+    };
+    let calls = || {
+        let text = std::fs::read_to_string(dive.path("calls")).unwrap_or_default();
+        let _ = std::fs::remove_file(dive.path("calls"));
+        text.lines().map(str::to_owned).collect::<Vec<String>>()
+    };
+    // The last step fails at first.
+    std::fs::write(dive.path("fail-mapper"), "").unwrap();
+    map().ends_with(1).says("COLMAP mapper failed");
+    let made = calls();
+    let names: Vec<_> = made.iter().map(|call| call.split(' ').next().unwrap()).collect();
+    let importer = "matches_importer";
+    assert_eq!(names, ["feature_extractor", importer, "global_mapper", importer, "mapper"]);
+    let last = &made[4];
+    assert!(last.contains("/first/0 --output_path sparse.part --Mapper.random_seed 1"), "{last}");
+    std::fs::remove_file(dive.path("fail-mapper")).unwrap();
+    map().ends_with(0).says("poses of 40 of 40 pictures");
+    assert_eq!(calls(), made[4..]);
+    map().ends_with(0).says("poses of 40 of 40 pictures").says("other frames' poses: done before");
+    assert_eq!(calls(), Vec::<String>::new());
+    // All frames are trained on. Few have poses first, and each of the others is compared with some of these.
+    let record: Value = dive.json("p.ply.frames/frames.json");
+    let frames = record["frames"].as_array().unwrap();
+    let (first, others): (Vec<&Value>, Vec<&Value>) =
+        frames.iter().partition(|frame| frame["first"].as_bool().unwrap());
+    assert!(frames.len() == 40 && (3..=6).contains(&first.len()), "{record}");
+    let pairs = std::fs::read_to_string(dive.path("p.ply.colmap/pairs-joining.txt")).unwrap();
+    for frame in others {
+        let name = frame["file"].as_str().unwrap();
+        let with = |of: &&Value| {
+            let other = of["file"].as_str().unwrap();
+            pairs
+                .lines()
+                .any(|pair| pair == format!("{other} {name}") || pair == format!("{name} {other}"))
+        };
+        assert!(first.iter().filter(|of| with(of)).count() >= 2, "{name}: {pairs}");
+    }
+}
+
 #[test]
 fn wrong_paths_and_arguments_are_refused() {
     let dive = Dive::without_frames();

@@ -361,6 +361,7 @@ fn pycolmap_finds_the_poses_of_the_demos_mapping_run() {
         camera_params: None,
         lenses: Lenses::One,
         sequence: false,
+        first: Vec::new(),
         matching: Matching::Auto,
         size: 1280,
         masks: None,

@@ -138,7 +138,9 @@ def run(command, words):
         "global_mapper": (pycolmap.global_mapping, GLOBAL),
         "mapper": (pycolmap.incremental_mapping, INCREMENTAL),
     }[command]
-    if not mapping(database, paths["image_path"], paths["output_path"], options=options):
+    # A model to go on with.
+    more = {"input_path": paths["input_path"]} if "input_path" in paths else {}
+    if not mapping(database, paths["image_path"], paths["output_path"], options=options, **more):
         sys.exit(1)
 
 

@@ -7,6 +7,7 @@ mod error;
 mod finding;
 mod judge;
 mod missing;
+mod models;
 mod options;
 mod pairs;
 mod pictures;
@@ -26,6 +27,7 @@ use crate::progress::{Progress, Watch};
 pub use error::{Ended, StructureError};
 pub use finding::Finder;
 pub use judge::Doubtful;
+use models::models;
 pub use options::{Lenses, Matching, Navigation, StructureOptions};
 use pictures::Listed;
 use steps::Workplace;
@@ -78,7 +80,8 @@ pub fn find_poses(
     let seconds = workplace.run(&program, &listed, options, watch)?;
     let (log, name) = (workplace.log(), program.name());
     let models = models(&workplace.sparse())?;
-    let pieces: Vec<usize> = models.iter().map(|(_, model)| model.views.len()).collect();
+    let pieces = workplace.pieces()?;
+    let pieces: Vec<usize> = pieces.iter().map(|(_, model)| model.views.len()).collect();
     let no_model = || StructureError::NoModel { program: name, log: log.clone() };
     let (model, read) = models.into_iter().next().ok_or_else(no_model)?;
     let masks = options.masks.as_deref();
@@ -115,20 +118,4 @@ pub fn find_poses(
         model,
         scale,
     })
-}
-
-/// The models and their folders; the one with most pictures first.
-fn models(sparse: &Path) -> Result<Vec<(PathBuf, ColmapModel)>, StructureError> {
-    let mut models = Vec::new();
-    for entry in std::fs::read_dir(sparse).map_err(StructureError::file(sparse))? {
-        let folder = entry.map_err(StructureError::file(sparse))?.path();
-        if ColmapModel::is_in(&folder) {
-            let model = ColmapModel::open(&folder)?;
-            models.push((folder, model));
-        }
-    }
-    models.sort_by(|(a, one), (b, other)| {
-        other.views.len().cmp(&one.views.len()).then_with(|| a.cmp(b))
-    });
-    Ok(models)
 }

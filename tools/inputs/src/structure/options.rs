@@ -45,6 +45,8 @@ pub struct StructureOptions {
     pub matching: Matching,
     /// The pictures are frames of a video: their names tell the order of time, and neighbours overlap.
     pub sequence: bool,
+    /// Names of pictures on which poses are found; those of the others follow from them. Empty: all.
+    pub first: Vec<String>,
     /// Longest side to which pictures are reduced for matching, pixels.
     pub size: u32,
     /// Folder of masks, as [`PosedOptions::masks`]. COLMAP finds those named as it names them: `a.jpg.png`.

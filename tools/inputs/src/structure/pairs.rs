@@ -97,6 +97,22 @@ fn near(late: usize) -> impl Iterator<Item = (usize, usize)> {
     steps.take_while(move |step| *step <= late.min(FARTHEST)).map(move |step| (late - step, late))
 }
 
+/// Pairs that join all other pictures to those at some places: each is compared with the nearest of these on both
+/// sides, and with the one before it.
+pub fn joining(places: &[usize], count: usize) -> Vec<(usize, usize)> {
+    const EACH_SIDE: usize = 2;
+    let mut pairs = Vec::new();
+    for at in (0..count).filter(|at| places.binary_search(at).is_err()) {
+        let next = places.partition_point(|place| *place < at);
+        let near = next.saturating_sub(EACH_SIDE)..(next + EACH_SIDE).min(places.len());
+        let near = near.map(|i| (places[i].min(at), places[i].max(at)));
+        pairs.extend(near.chain(at.checked_sub(1).map(|before| (before, at))));
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
 /// A picture's luma at a size: values in [0, 1].
 pub fn luma(picture: &image::DynamicImage, size: (u32, u32)) -> Vec<f32> {
     let small = picture.resize_exact(size.0, size.1, FilterType::Triangle).into_luma8();
@@ -138,6 +154,19 @@ mod tests {
         assert_eq!(places, [(10, 59), (20, 59), (30, 59)]);
         assert!(seen.pairs(Matching::Auto, true).contains(&(30, 59)));
         assert!(!seen.pairs(Matching::Sequential, true).contains(&(30, 59)));
+    }
+
+    #[test]
+    fn other_pictures_are_compared_with_those_beside_them() {
+        let pairs = joining(&[0, 4, 8], 10);
+        let of = |at: usize| pairs.iter().filter(move |pair| pair.0 == at || pair.1 == at);
+        // Three of the few, the one before, and the one after, which has it before itself.
+        assert_eq!(of(6).count(), 5, "{pairs:?}");
+        for pair in [(0, 1), (1, 4), (1, 8), (1, 2), (0, 2), (0, 5), (4, 9), (8, 9)] {
+            assert!(pairs.contains(&pair), "{pair:?} {pairs:?}");
+        }
+        assert!(pairs.iter().all(|pair| pair.0 < pair.1) && !pairs.contains(&(0, 4)));
+        assert_eq!(joining(&[0, 1, 2], 3), []);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The pictures of a folder.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -61,15 +62,29 @@ impl Listed {
         if name.contains(['\n', '\r']) { Err(wrong()) } else { Ok(name) }
     }
 
-    /// Reads each picture whole: a broken one is found before hours of work. Returns what they have in common.
-    pub fn look(&self, mut done: impl FnMut(usize)) -> Result<Seen, StructureError> {
-        let mut seen = Seen::new(self.widest, self.names.len());
+    /// The places of pictures among all; all places if none is named.
+    pub fn places(&self, names: &[String]) -> Vec<usize> {
+        let wanted: HashSet<&String> = names.iter().collect();
+        let all = self.names.iter().enumerate();
+        all.filter(|(_, name)| names.is_empty() || wanted.contains(name)).map(|(i, _)| i).collect()
+    }
+
+    /// Reads each picture whole: a broken one is found before hours of work. Returns what those at some places have in
+    /// common.
+    pub fn look(
+        &self,
+        places: &[usize],
+        mut done: impl FnMut(usize),
+    ) -> Result<Seen, StructureError> {
+        let mut seen = Seen::new(self.widest, places.len());
         let size = seen.size();
         for (i, names) in self.names.chunks(AT_ONCE).enumerate() {
             let read = |name: &String| Ok(luma(&open_image(&self.folder.join(name))?, size));
             let lumas: Result<Vec<_>, FrameFileError> = names.par_iter().map(read).collect();
-            for luma in lumas.map_err(PosedError::from)? {
-                seen.add(&luma);
+            let lumas = lumas.map_err(PosedError::from)?;
+            let wanted = |at: usize| places.binary_search(&(AT_ONCE * i + at)).is_ok();
+            for (_, luma) in lumas.iter().enumerate().filter(|(at, _)| wanted(*at)) {
+                seen.add(luma);
             }
             done(AT_ONCE * i + names.len());
         }

@@ -165,11 +165,11 @@ pub fn share(line: &str) -> Option<f64> {
     Some((done + 1.0) / all)
 }
 
-/// The number of pictures that have a pose, of a line as `Registering image #12 (13)`.
+/// The number of pictures that have a pose, of a line as `Registering image #12 (13)`, or `(num_reg_frames=13)`.
 pub fn registered(line: &str) -> Option<usize> {
     let (_, rest) = line.split_once("Registering image #")?;
     let (_, count) = rest.split_once('(')?;
-    count.split_once(')')?.0.trim().parse().ok()
+    count.split_once(')')?.0.rsplit('=').next()?.trim().parse().ok()
 }
 
 /// The share of the global mapper that is done when it says a line.
@@ -206,6 +206,7 @@ mod tests {
             assert_eq!(share(line), expected, "{line}");
         }
         assert_eq!(registered("Registering image #24 (13)\n"), Some(13));
+        assert_eq!(registered("] Registering image #24 (num_reg_frames=13)\n"), Some(13));
         assert_eq!(registered("Registering image #24\n"), None);
     }
 

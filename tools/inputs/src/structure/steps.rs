@@ -8,6 +8,8 @@ use crate::estimate::PoseEstimate;
 use crate::locked_folder::LockedFolder;
 use crate::progress::{Progress, Watch};
 
+use super::models::models;
+use super::pairs::joining;
 use super::pictures::Listed;
 use super::program::{GLOBAL, Program, mapped, registered, share};
 use super::record::{Record, Standing};
@@ -22,6 +24,9 @@ const LIST: &str = "pictures.txt";
 const SPARSE: &str = "sparse";
 const SPARSE_PART: &str = "sparse.part";
 const FREED: &str = "freed";
+// The model of the pictures whose poses are found first, and the pairs that join the others to them.
+const FIRST: &str = "first";
+const JOINING: &str = "pairs-joining.txt";
 
 /// The list of pairs that are compared at a time. Another way to choose them has another name.
 fn pairs_file(matching: Matching) -> &'static str {
@@ -63,6 +68,10 @@ enum ColmapStep {
     Matches,
     /// Its `global_mapper`, or `mapper`.
     Mapper,
+    /// Its `matches_importer`, of the pictures that are left.
+    Joins,
+    /// Its `mapper`, which goes on with a model.
+    Others,
 }
 
 impl ColmapStep {
@@ -73,6 +82,8 @@ impl ColmapStep {
             ColmapStep::Features => "finding features",
             ColmapStep::Matches => "matching features",
             ColmapStep::Mapper => "finding poses",
+            ColmapStep::Joins => "matching the other frames",
+            ColmapStep::Others => "finding the other frames' poses",
         }
         .to_owned()
     }
@@ -103,16 +114,20 @@ impl Workplace {
             self.record = Record { pictures: listed.digest.clone(), steps: Vec::new() };
             self.write()?;
         }
+        let places = listed.places(&options.first);
+        let joining = joining(&places, listed.names.len());
         let features = features(program, listed, options)?;
-        let matches = matches(program, listed, options)?;
+        let matches = |file| matches(program, listed, options, file);
+        let (matches, joins) = (matches(pairs_file(options.matching))?, matches(JOINING)?);
         let done = [&features, &matches].into_iter().enumerate();
         let mut done = done.map(|(i, step)| self.record.standing(i, step) == Standing::Finished);
         let pairs = match done.all(|done| done) {
             true => Vec::new(),
-            false => self.look(listed, options, watch)?,
+            false => self.look(listed, &places, options, watch)?,
         };
         let pictures = listed.names.len();
-        let mut estimate = PoseEstimate::new(pictures, pairs.len(), listed.widest, options.size);
+        let all_pairs = pairs.len() + joining.len();
+        let mut estimate = PoseEstimate::new(pictures, all_pairs, listed.widest, options.size);
         if !pairs.is_empty() {
             watch(Progress::Says(estimate.text()));
         }
@@ -134,9 +149,56 @@ impl Workplace {
                 tell(mapped(line).or_else(|| share(line)), watch);
             });
             done.or_else(|error| place.no_model(program, error))?;
-            place.rename_models()
+            place.rename_models(if joining.is_empty() { SPARSE } else { FIRST })
         })?;
-        Ok((0..3).map(|step| self.record.seconds(step)).sum())
+        if !joining.is_empty() {
+            self.step((3, ColmapStep::Joins), program, &joins, watch, |place, watch| {
+                let list = place.path.join(JOINING);
+                place.compare(program, &joins, (listed, &list), &joining, watch)
+            })?;
+            let others = self.others(program, listed, options)?;
+            self.step((4, ColmapStep::Others), program, &others, watch, |place, watch| {
+                let share = |line: &str| Some(registered(line)? as f64 / pictures as f64);
+                place.command(program, &others, |line| tell(share(line), watch))?;
+                place.take_model()
+            })?;
+        }
+        Ok((0..5).map(|step| self.record.seconds(step)).sum())
+    }
+
+    /// The models that the pictures fell into, the largest first, before others were joined to it.
+    pub fn pieces(&self) -> Result<Vec<(PathBuf, ColmapModel)>, StructureError> {
+        let first = self.path.join(FIRST);
+        let folder = if first.is_dir() { first } else { self.sparse() };
+        models(&folder)
+    }
+
+    /// Finds the poses of the pictures that the largest model does not have, and those of all together at the end.
+    fn others(
+        &self,
+        program: &Program,
+        listed: &Listed,
+        options: &StructureOptions,
+    ) -> Result<Vec<String>, StructureError> {
+        const COMMAND: &str = "mapper";
+        let (name, log) = (program.name(), self.log());
+        let no_model = || StructureError::NoModel { program: name, log };
+        let (model, _) = self.pieces()?.into_iter().next().ok_or_else(no_model)?;
+        let folder = listed.folder.to_string_lossy();
+        let mut arguments = words(&[COMMAND, "--database_path", DATABASE, "--image_path", &folder]);
+        let model = model.to_string_lossy();
+        arguments.extend(words(&["--input_path", &model, "--output_path", SPARSE_PART]));
+        let known = program.options(COMMAND)?;
+        let mut set = |names: &[&'static str], value: &str| {
+            arguments.extend(known.known(names).iter().flat_map(|name| words(&[name, value])));
+        };
+        set(&["--Mapper.random_seed"], &options.seed.to_string());
+        // All poses together are made better each time that so many more have come, and at the end.
+        const GROWN: &str = "1.3";
+        set(&["--Mapper.ba_global_frames_ratio", "--Mapper.ba_global_images_ratio"], GROWN);
+        set(&["--Mapper.ba_global_points_ratio"], GROWN);
+        arguments.extend(mapper_options(listed, options, "Mapper"));
+        Ok(arguments)
     }
 
     /// The folder of the model as it becomes if the lens may change. One that was stated may be of another camera, or
@@ -153,16 +215,17 @@ impl Workplace {
         Ok(folder)
     }
 
-    /// Reads all pictures, and says which pairs of them are to be compared.
+    /// Reads all pictures, and says which pairs of those at some places are to be compared.
     fn look(
         &self,
         listed: &Listed,
+        places: &[usize],
         options: &StructureOptions,
         watch: Watch,
     ) -> Result<Vec<(usize, usize)>, StructureError> {
         watch(Progress::Begins(ColmapStep::Check.name()));
         let count = listed.names.len() as f64;
-        let seen = listed.look(|done| watch(Progress::At(Some(done as f64 / count))))?;
+        let seen = listed.look(places, |done| watch(Progress::At(Some(done as f64 / count))))?;
         let list = self.path.join(LIST);
         std::fs::write(&list, listed.names.join("\n") + "\n")
             .map_err(StructureError::file(&list))?;
@@ -173,7 +236,8 @@ impl Workplace {
                 "the order of the names is not that of time: pictures that look alike are compared";
             watch(Progress::Says(says.to_owned()));
         }
-        Ok(seen.pairs(options.matching, in_order))
+        let pairs = seen.pairs(options.matching, in_order).into_iter();
+        Ok(pairs.map(|(early, late)| (places[early], places[late])).collect())
     }
 
     /// Runs a step unless it is done. Matching that was cut off goes on; other steps begin again.
@@ -232,7 +296,10 @@ impl Workplace {
         standing: Standing,
         program: &Program,
     ) -> Result<(), StructureError> {
-        for folder in [SPARSE, SPARSE_PART, FREED] {
+        let joins = matches!(step, ColmapStep::Joins | ColmapStep::Others);
+        for folder in
+            [SPARSE, SPARSE_PART, FREED, FIRST].into_iter().take(if joins { 3 } else { 4 })
+        {
             self.remove(folder)?;
         }
         match (step, standing) {
@@ -246,7 +313,7 @@ impl Workplace {
                 let words = ["database_cleaner", "--database_path", DATABASE, "--type", "matches"];
                 self.command(program, &words.map(str::to_owned), |_| {})
             }
-            (ColmapStep::Mapper, _) => {
+            (ColmapStep::Mapper | ColmapStep::Others, _) => {
                 let folder = self.path.join(SPARSE_PART);
                 std::fs::create_dir(&folder).map_err(StructureError::file(&folder))
             }
@@ -287,9 +354,20 @@ impl Workplace {
         }
     }
 
-    fn rename_models(&self) -> Result<(), StructureError> {
-        let [from, to] = [self.path.join(SPARSE_PART), self.sparse()];
-        std::fs::rename(&from, &to).map_err(StructureError::file(&from))
+    fn rename_models(&self, to: &str) -> Result<(), StructureError> {
+        let from = self.path.join(SPARSE_PART);
+        std::fs::rename(&from, self.path.join(to)).map_err(StructureError::file(&from))
+    }
+
+    /// The model that a mapper went on with: it comes into no folder of its own.
+    fn take_model(&self) -> Result<(), StructureError> {
+        let (part, folder) = (self.path.join(SPARSE_PART), self.path.join(SPARSE));
+        if !ColmapModel::is_in(&part) {
+            return self.rename_models(SPARSE);
+        }
+        let placed = std::fs::create_dir(&folder);
+        let placed = placed.and_then(|()| std::fs::rename(&part, folder.join("0")));
+        placed.map_err(StructureError::file(&folder))
     }
 }
 
@@ -346,16 +424,12 @@ fn matches(
     program: &Program,
     listed: &Listed,
     options: &StructureOptions,
+    pairs: &str,
 ) -> Result<Vec<String>, StructureError> {
     const COMMAND: &str = "matches_importer";
     let known = program.options(COMMAND)?;
     let mut arguments = words(&[COMMAND, "--database_path", DATABASE]);
-    arguments.extend(words(&[
-        "--match_list_path",
-        pairs_file(options.matching),
-        "--match_type",
-        "pairs",
-    ]));
+    arguments.extend(words(&["--match_list_path", pairs, "--match_type", "pairs"]));
     let mut set = |names: &[&'static str], value: &str| {
         let option = known.known(names);
         arguments.extend(option.iter().flat_map(|option| words(&[option, value])));
@@ -380,9 +454,15 @@ fn mapper(program: &Program, listed: &Listed, options: &StructureOptions) -> Vec
         let seed = options.seed.to_string();
         arguments.extend(words(&["--GlobalMapper.random_seed", &seed]));
         arguments.extend(words(&["--GlobalMapper.track_required_tracks_per_view", TRACKS]));
-    } else if listed.widest.0 <= SMALL {
-        arguments.extend(words(&SMALL_MAPPER));
     }
+    arguments.extend(mapper_options(listed, options, group));
+    arguments
+}
+
+/// What the pictures ask of a mapper.
+fn mapper_options(listed: &Listed, options: &StructureOptions, group: &str) -> Vec<String> {
+    let small = listed.widest.0 <= SMALL && group == "Mapper";
+    let mut arguments = words(if small { &SMALL_MAPPER[..] } else { &[] });
     if options.camera_params.is_some() {
         arguments
             .extend(KEPT_LENS.iter().flat_map(|name| words(&[&format!("--{group}.{name}"), "0"])));

@@ -2,7 +2,7 @@
 
 use super::Video;
 use super::decoder::Decoder;
-use super::select::ChoiceOptions;
+use super::select::{ChoiceOptions, LEAST, MANY};
 use crate::estimate::{PoseEstimate, cores, minutes, range, slower};
 
 // Seconds of one core, measured on x86-64 cores of 2026 with H.264.
@@ -57,8 +57,9 @@ impl VideoEstimate {
             seconds += video.duration?;
         }
         let most = options.most.unwrap_or(usize::MAX).min(all.frames as usize).max(2);
-        let denser = 0.3 / (1.0 - options.overlap);
-        all.taken = TAKEN.map(|rate| ((rate * denser * seconds).round() as usize).clamp(2, most));
+        let denser = 0.3 / (1.0 - options.overlap.max(MANY));
+        let (least, rate) = (LEAST.min(most), |rate: f64| (rate * denser * seconds).round());
+        all.taken = TAKEN.map(|taken| (rate(taken) as usize).clamp(least, most));
         Some(all)
     }
 
@@ -123,7 +124,7 @@ mod tests {
         let one = of(&[video("h264", Decoder::Ffmpeg)]);
         // 30,000 frames of 2.07 million pixels, and a gigabyte.
         assert!((one.choose * cores() - 276.5).abs() < 1.0, "{}", one.choose);
-        assert_eq!(one.taken, [120, 1_200]);
+        assert_eq!(one.taken, [450, 4_500]);
         assert!((of(&[video("hevc", Decoder::Ffmpeg)]).choose / one.choose - 2.0).abs() < 1e-9);
         assert!(of(&[video("h264", Decoder::Gstreamer)]).write > 1.5 * one.write);
         let two = [video("h264", Decoder::Ffmpeg), video("h264", Decoder::Ffmpeg)];

@@ -86,6 +86,8 @@ pub struct FrameRecord {
     pub sharpness: f64,
     /// Share in common with the picture before, of the same video.
     pub overlap: Option<f64>,
+    /// Poses are found on these; those of the others follow from them.
+    pub first: bool,
 }
 
 /// A folder of frames.

@@ -15,7 +15,7 @@ use super::estimate::VideoEstimate;
 use super::folder::{Asked, AskedVideo, Folder, FrameRecord, Record, VideoRecord, folder_name};
 use super::frame::{VideoFrame, rgb};
 use super::reader::VideoReader;
-use super::select::{Break, Cause, ChoiceOptions, Overlap, Selection, select};
+use super::select::{Break, Cause, ChoiceOptions, Overlap, Selection, add_frames, select};
 use super::{Video, VideoError};
 use crate::progress::{Progress, Watch};
 
@@ -153,7 +153,8 @@ fn write(
             other_tracks: video.others.clone(),
         });
     }
-    let count: usize = selections.iter().map(|selection| selection.choices.len()).sum();
+    let first = |selection: &Selection| selection.choices.iter().filter(|of| of.first).count();
+    let count: usize = selections.iter().map(first).sum();
     if count < 2 {
         return Err(VideoError::TooFew { path: videos[0].path.clone(), found: count });
     }
@@ -177,11 +178,17 @@ fn write(
 fn select_all(found: &[VideoFacts], asked: &Asked) -> Vec<Selection> {
     let wanted = Overlap::about(asked.overlap);
     let by = |found: &VideoFacts, most| select(&found.facts, found.aspect, &wanted, most);
-    let all: Vec<Selection> = found.iter().map(|found| by(found, None)).collect();
+    let mut all: Vec<Selection> = found.iter().map(|found| by(found, None)).collect();
     let count: usize = all.iter().map(|selection| selection.choices.len()).sum();
-    let Some(most) = asked.most.filter(|most| *most < count) else { return all };
-    let share = |selection: &Selection| (selection.choices.len() * most / count).max(1);
-    found.iter().zip(&all).map(|(found, own)| by(found, Some(share(own)))).collect()
+    for (found, selection) in found.iter().zip(&mut all) {
+        let own = selection.choices.len();
+        let most = asked.most.map(|most| (own * most / count.max(1)).max(1));
+        if most.is_some_and(|most| most < own) {
+            *selection = by(found, most);
+        }
+        add_frames(selection, &found.facts, found.aspect, (&wanted, most));
+    }
+    all
 }
 
 /// What is said of the places where a dive breaks, if there are any.
@@ -249,6 +256,7 @@ fn write_video(
             time: facts.time,
             sharpness: facts.sharpness,
             overlap: choice.overlap,
+            first: choice.first,
         });
     }
     watch(Progress::Ends);

@@ -275,7 +275,7 @@ mod tests {
         assert_eq!((probe.duration, probe.has_video), (Some(12.5), Some(true)));
         assert_eq!(probe.others, ["data (gpmd)"]);
         assert_eq!((probe.codec.as_str(), probe.frames.map(f64::round)), ("h264", Some(375.0)));
-        let late = r#""format": {"format_name": "matroska,webm", "start_time": "9.0", "duration""#;
+        let late = r#""format": {"format_name": "matroska,webm", "start_time": "9.0", "duration"#;
         let late =
             text.replace("\"duration\": \"12.5\", ", "").replace("\"format\": {\"duration", late);
         let probe = parse_ffprobe(&late).unwrap();

@@ -28,19 +28,23 @@ pub struct Overlap {
     pub least: f64,
     pub best: f64,
     pub most: f64,
+    /// Frames that have more in common are as good as one.
+    pub same: f64,
 }
 
 impl Overlap {
     /// About a share: ten hundredths more or less.
     pub fn about(share: f64) -> Overlap {
         const EITHER_WAY: f64 = 0.1;
-        Overlap { least: share - EITHER_WAY, best: share, most: (share + EITHER_WAY).min(SAME) }
+        let most = (share + EITHER_WAY).min(SAME);
+        Overlap { least: share - EITHER_WAY, best: share, most, same: SAME }
     }
 
-    /// With so much more of the picture new from one frame to the next.
+    /// With so much more of the picture new from one frame to the next, or less.
     fn wider(&self, factor: f64) -> Overlap {
         let share = |of: f64| (1.0 - factor * (1.0 - of)).max(0.05);
-        Overlap { least: share(self.least), best: share(self.best), most: share(self.most) }
+        let same = share(self.same).max(self.same);
+        Overlap { least: share(self.least), best: share(self.best), most: share(self.most), same }
     }
 }
 
@@ -51,6 +55,8 @@ pub struct Choice {
     pub at: usize,
     /// What it has in common with the one chosen before; `None` for the first.
     pub overlap: Option<f64>,
+    /// Poses are found on these; those of the others follow from them.
+    pub first: bool,
 }
 
 /// Why two neighbours have less in common than is wanted.
@@ -92,8 +98,12 @@ const DETAIL: (f64, f64) = (0.3, 10.0);
 const LITTLE: f64 = 0.3;
 /// Frames that are nearly as sharp as the sharpest are as good.
 const AS_SHARP: f64 = 0.9;
-/// Frames that have more in common are as good as one.
+/// Frames that have more in common are as good as one, for poses.
 const SAME: f64 = 0.95;
+/// Frames for the training have so much in common, if they are at least so many; else more, up to what still moves.
+pub const MANY: f64 = 0.92;
+pub const LEAST: usize = 60;
+const MOVES: f64 = 0.99;
 
 /// Chooses frames of one video. At most `most`, if that is given: then neighbours have less in common than wanted.
 pub fn select(facts: &[Facts], aspect: f64, wanted: &Overlap, most: Option<usize>) -> Selection {
@@ -116,6 +126,43 @@ pub fn select(facts: &[Facts], aspect: f64, wanted: &Overlap, most: Option<usize
     selection
 }
 
+/// Adds frames for the training: their neighbours overlap more than those that poses are found on. At most `most` in
+/// all, if that is given.
+pub fn add_frames(
+    selection: &mut Selection,
+    facts: &[Facts],
+    aspect: f64,
+    (wanted, most): (&Overlap, Option<usize>),
+) {
+    // Where nothing moves one frame is enough.
+    let first: Vec<usize> = selection.choices.iter().map(|choice| choice.at).collect();
+    if first.len() < 2 {
+        return;
+    }
+    const DENSER: f64 = 0.8;
+    let sharp = sharp(facts);
+    let mut share = wanted.best.max(MANY);
+    let mut all: Vec<usize> = Vec::new();
+    while all.len() < LEAST && share < MOVES {
+        let overlap = wanted.wider((1.0 - share) / (1.0 - wanted.best));
+        let more = choose(facts, &sharp, aspect, &overlap).choices;
+        all = first.iter().copied().chain(more.iter().map(|choice| choice.at)).collect();
+        all.sort_unstable();
+        all.dedup();
+        share = 1.0 - DENSER * (1.0 - share);
+    }
+    if let Some(room) = most.map(|most| most.saturating_sub(first.len())) {
+        let others: Vec<usize> = all.into_iter().filter(|at| !first.contains(at)).collect();
+        let count = others.len();
+        let some = (0..room.min(count)).map(|i| others[i * count / room.min(count)]);
+        all = first.iter().copied().chain(some).collect();
+        all.sort_unstable();
+    }
+    selection.choices = with_overlaps(&all, facts, aspect);
+    let of_first = |choice: &mut Choice| choice.first = first.binary_search(&choice.at).is_ok();
+    selection.choices.iter_mut().for_each(of_first);
+}
+
 /// Leaves so many, evenly.
 fn thin(choices: &mut Vec<Choice>, most: usize, facts: &[Facts], aspect: f64) {
     let count = choices.len();
@@ -131,6 +178,7 @@ fn with_overlaps(chosen: &[usize], facts: &[Facts], aspect: f64) -> Vec<Choice> 
     let overlap = |(before, at): (Option<usize>, &usize)| Choice {
         at: *at,
         overlap: before.map(|before| facts[before].overlap(&facts[*at], aspect)),
+        first: true,
     };
     before.zip(chosen).map(overlap).collect()
 }
@@ -166,7 +214,9 @@ fn beside(facts: &[Facts], (share, around): (f64, f64), of: impl Fn(&Facts) -> f
 fn choose(facts: &[Facts], sharp: &[bool], aspect: f64, wanted: &Overlap) -> Selection {
     let mut chosen: Vec<usize> = Vec::new();
     let mut breaks = Vec::new();
-    let Some(mut last) = first(facts, sharp, aspect, 0) else { return Selection::default() };
+    let Some(mut last) = first(facts, sharp, (aspect, wanted.same), 0) else {
+        return Selection::default();
+    };
     chosen.push(last);
     while let Some(Next { at, broken }) = next(facts, sharp, aspect, wanted, last) {
         let overlap = facts[last].overlap(&facts[at], aspect);
@@ -180,9 +230,14 @@ fn choose(facts: &[Facts], sharp: &[bool], aspect: f64, wanted: &Overlap) -> Sel
 }
 
 /// The sharpest of the frames that show nearly what the first sharp one from `from` on shows.
-fn first(facts: &[Facts], sharp: &[bool], aspect: f64, from: usize) -> Option<usize> {
+fn first(
+    facts: &[Facts],
+    sharp: &[bool],
+    (aspect, same): (f64, f64),
+    from: usize,
+) -> Option<usize> {
     let start = (from..facts.len()).find(|at| sharp[*at])?;
-    let same = |at: &usize| facts[start].overlap(&facts[*at], aspect) >= SAME;
+    let same = |at: &usize| facts[start].overlap(&facts[*at], aspect) >= same;
     sharpest(facts, sharp, (start..facts.len()).take_while(same), |_| 0.0)
 }
 
@@ -229,14 +284,15 @@ fn next(
         return sharpest(facts, sharp, new, overlap).map(near);
     }
     // None is sharp, or the picture leaves the window in one step: the farthest sharp one before.
-    let before = within.filter(|at| sharp[*at] && overlap(*at) < SAME);
+    let before = within.filter(|at| sharp[*at] && overlap(*at) < wanted.same);
     if let Some(best) = before.min_by(|a, b| overlap(*a).total_cmp(&overlap(*b))) {
         return Some(near(best));
     }
     let broken = Some(if sharp[end] { (Cause::Jump, end - 1) } else { (Cause::Blur, last) });
     let start = (end..facts.len()).find(|at| sharp[*at])?;
     // What still has something in common is taken as it is.
-    let at = if overlap(start) > LITTLE { start } else { first(facts, sharp, aspect, start)? };
+    let whole = (aspect, wanted.same);
+    let at = if overlap(start) > LITTLE { start } else { first(facts, sharp, whole, start)? };
     Some(Next { at, broken })
 }
 
@@ -342,6 +398,47 @@ mod tests {
         let [only] = selection.breaks[..] else { panic!("{:?}", selection.breaks) };
         assert!(only.cause == Cause::Blur && only.overlap < 0.1, "{only:?}");
         assert!(selection.choices.iter().all(|choice| !(300..400).contains(&choice.at)));
+    }
+
+    /// How many frames there are for the training, and for poses.
+    fn counts(facts: &[Facts], most: Option<usize>) -> [usize; 2] {
+        let wanted = Overlap::about(0.7);
+        let mut selection = select(facts, ASPECT, &wanted, most);
+        let first = selection.choices.clone();
+        add_frames(&mut selection, facts, ASPECT, (&wanted, most));
+        let all = &selection.choices;
+        let again: Vec<usize> = all.iter().filter(|of| of.first).map(|of| of.at).collect();
+        assert_eq!(again, first.iter().map(|of| of.at).collect::<Vec<_>>());
+        assert!(all.is_sorted_by(|a, b| a.at < b.at));
+        [all.len(), first.len()]
+    }
+
+    #[test]
+    fn a_training_takes_many_frames() {
+        // A short clip: five frames for poses, at least sixty to train on.
+        let [many, few] = counts(&steady(333, 0.0035), None);
+        assert!((60..=110).contains(&many) && (4..=6).contains(&few), "{many} {few}");
+        // All that there are, and all that are sharp.
+        let [many, few] = counts(&steady(30, 0.05), None);
+        assert!(many == 30 && few < 10, "{many} {few}");
+        let mut blurred = steady(60, 0.05);
+        blurred
+            .iter_mut()
+            .filter(|fact| fact.index % 2 == 1)
+            .for_each(|fact| fact.sharpness *= 0.1);
+        assert_eq!(counts(&blurred, None)[0], 30);
+        // A long one, of 40 pictures' width: neighbours have up to 92 % in common, and those for poses come to these.
+        let [many, few] = counts(&steady(4000, 0.01), None);
+        assert!((450..=640).contains(&many) && (120..=150).contains(&few), "{many} {few}");
+        // What stands stays one frame.
+        let goes = (0..100).map(|i| 0.01 * f64::from(i));
+        let way = goes.clone().chain([0.99; 2000]).chain(goes.map(|x| 0.99 + x));
+        assert!(counts(&facts(way), None)[0] < 200);
+        assert_eq!(counts(&facts([0.3; 3000]), None), [1, 1]);
+        for most in [3, 20, 80] {
+            let [many, few] = counts(&steady(4000, 0.01), Some(most));
+            assert!(many <= most && few <= many, "{many} {few} of {most}");
+        }
     }
 
     #[test]
