@@ -44,12 +44,11 @@ echo "install: to $installed and $destdir$includedir" >&2
 mkdir -p "$installed/pkgconfig" "$destdir$includedir"
 cp -d --preserve=mode,links "$stage"/usr/lib/libnvsprior.so* "$installed/"
 install -m 644 "$stage"/usr/include/nvsprior*.h "$destdir$includedir/"
-# A folder as pkg-config has it: below the prefix, if it is. Folders may have blanks. The compiler adds -lgcc_s by
-# itself, and what fits -static.
-below() { case $1 in "$prefix"/*) echo "\${prefix}${1#"$prefix"}" ;; *) echo "$1" ;; esac; }
-sed -e "s|^prefix=.*|prefix=$prefix|" -e "s|^libdir=.*|libdir=$(below "$libdir")|" \
-    -e "s|^includedir=.*|includedir=$(below "$includedir")|" \
-    -e 's|-I\${includedir}|-I"${includedir}"|' -e 's|-L\${libdir}|-L"${libdir}"|' -e 's| -lgcc_s\b||g' \
+# A folder as pkg-config has it: below the prefix, if it is; blanks are escaped, and that twice, for sed.
+below() { case $1 in "$prefix"/*) echo "\${prefix}${1#"$prefix"}" ;; *) echo "$1" ;; esac | sed 's/ /\\\\ /g'; }
+# The compiler adds -lgcc_s by itself, or what fits -static.
+sed -e "s|^prefix=.*|prefix=$(echo "$prefix" | sed 's/ /\\\\ /g')|" -e "s|^libdir=.*|libdir=$(below "$libdir")|" \
+    -e "s|^includedir=.*|includedir=$(below "$includedir")|" -e 's| -lgcc_s\b||g' \
     "$stage/usr/lib/pkgconfig/nvsprior.pc" > "$installed/pkgconfig/nvsprior.pc"
 
 # The static library as one object that exports only nvsp_*. As rustc leaves it, libwebp's functions
