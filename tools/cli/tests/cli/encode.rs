@@ -151,7 +151,7 @@ fn frames_that_are_not_certain_are_told() {
 #[test]
 fn frames_with_red_and_blue_exchanged_are_told_once() {
     let dive = Dive::new();
-    let encode = format!("encode {INPUT} --packets p --starts camera-file");
+    let encode = format!("encode {INPUT} --packets p --overwrite --starts camera-file");
     let told = |run: String| run.matches("red and blue exchanged").count();
     assert_eq!(told(dive.run(&encode).ends_with(0).stderr), 0);
     for (t, picture) in pictures().iter().enumerate() {
