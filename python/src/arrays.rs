@@ -124,7 +124,7 @@ pub fn write_picture<'py>(
     Ok(out.clone())
 }
 
-/// An array of numbers, or what NumPy makes one of. Its values lie side by side, where the processor wants them.
+/// An array of numbers, or what NumPy makes an array of. It is C-contiguous, and aligned.
 pub fn numeric<'py, T: Element>(given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let py = given.py();
     let require = py.import(intern!(py, "numpy"))?.getattr(intern!(py, "require"))?;

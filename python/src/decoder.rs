@@ -22,7 +22,7 @@ record! {
         frame: u32,
         /// The pose that it was rendered at. Type: Pose.
         pose: PyPose,
-        /// Whether the vehicle's picture confirms the pose. That does not say where the vehicle is: see `known`. Type:
+        /// Whether the vehicle's picture confirms the pose. How well its place is known is `known`. Type:
         /// bool.
         certain: bool,
         /// Within how much the vehicle knows its position: standard deviations of position (the prior's unit) and

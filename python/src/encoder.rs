@@ -35,7 +35,7 @@ record! {
         render_psnr: f64,
         /// PSNR of `picture` against the treated frame, dB. Type: float.
         psnr: f64,
-        /// Whether the picture confirms the pose. That does not say where the camera is: see `known`. Type: bool.
+        /// Whether the picture confirms the pose. How well the place is known is `known`. Type: bool.
         certain: bool,
         /// How far the pose may be off: float64, shape (6, 6), as `Hint` takes one; infinite along open axes. Type:
         /// float64 array.

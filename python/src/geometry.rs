@@ -5,6 +5,7 @@ use std::hash::{Hash, Hasher};
 use glam::{DMat3, DQuat, DVec3};
 use numpy::{PyArray1, PyArray2, PyUntypedArrayMethods};
 use nvsprior::Pose;
+use nvsprior::geometry::rotation_of;
 use nvsprior::tracking::Covariance;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -178,15 +179,13 @@ impl PyPose {
         let rows = rows::<4>(name, matrix, 3..=4)?;
         let r = [0, 1, 2].map(|i| DVec3::new(rows[i][0], rows[i][1], rows[i][2]));
         let matrix = DMat3::from_cols(r[0], r[1], r[2]).transpose();
-        let off = (matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
-        let rigid = off.iter().all(|value| value.abs() <= RIGID) && matrix.determinant() > 0.0;
-        if !rigid || rows.get(3).is_some_and(|row| *row != [0.0, 0.0, 0.0, 1.0]) {
+        let ends = rows.get(3).is_none_or(|row| *row == [0.0, 0.0, 0.0, 1.0]);
+        let rotation = rotation_of(&matrix, RIGID).filter(|_| ends).ok_or_else(|| {
             let text = "no rigid motion from world to camera: the rows of R must be at right angles and of length 1, \
                         its determinant 1, and the last row 0, 0, 0, 1";
-            return Err(Failure::argument(format!("{name}: {text}")).into());
-        }
+            Failure::argument(format!("{name}: {text}"))
+        })?;
         let translation = DVec3::new(rows[0][3], rows[1][3], rows[2][3]);
-        let rotation = DQuat::from_mat3(&matrix).normalize();
         Ok(PyPose(Pose { rotation, translation }))
     }
 }

@@ -6,4 +6,4 @@ mod pose;
 
 pub use camera::{Camera, CameraError};
 pub use lens::{Distortion, Footprint, Intrinsics, Lens, LensError};
-pub use pose::{Pose, Twist};
+pub use pose::{Pose, Twist, rotation_of};

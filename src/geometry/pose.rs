@@ -15,6 +15,14 @@ pub struct Pose {
 /// A pose step `τ = (ρ, θ)`: translation then rotation vector (radians), applied from the left.
 pub type Twist = [f64; 6];
 
+/// The rotation of a matrix; `None` if it is none. `within`: how far its product with its transpose may be from the
+/// identity, by each number.
+pub fn rotation_of(matrix: &DMat3, within: f64) -> Option<DQuat> {
+    let off = (*matrix * matrix.transpose() - DMat3::IDENTITY).to_cols_array();
+    let is_rotation = off.iter().all(|v| v.abs() < within) && matrix.determinant() > 0.0;
+    is_rotation.then(|| DQuat::from_mat3(matrix).normalize())
+}
+
 impl Default for Pose {
     fn default() -> Pose {
         Pose::IDENTITY

@@ -23,7 +23,7 @@ use nvsprior_inputs::values::{self, WrongUsage};
 use nvsprior_link::keys::Keys;
 use nvsprior_link::modem::{Loss, MIN_MTU};
 use nvsprior_link::{LinkError, TopsideLink, VehicleLink};
-use nvsprior_runs::{FrameFolder, FrameFolderError, FrameKind, PictureMark};
+use nvsprior_runs::{FrameFolder, FrameKind};
 
 use footage::{AtSize, Footage, WidthFrom};
 use region::Region;
@@ -242,13 +242,6 @@ impl LinkArgs {
 }
 
 impl Args {
-    fn open_pictures(&self) -> Result<Option<FrameFolder>, FrameFolderError> {
-        let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
-        let overwrite = self.overwrite.overwrite;
-        let open = |folder| FrameFolder::open("--pictures", folder, kind, overwrite);
-        self.pictures.as_deref().map(open).transpose()
-    }
-
     /// One setting for each loss.
     fn settings(
         &self,
@@ -289,7 +282,8 @@ pub fn run(args: &Args, lab: &LabArgs) -> anyhow::Result<()> {
     let settings = args.settings(mode, keys.as_ref(), lab)?;
     lab.beside.iter().try_for_each(|coder| coder.check())?;
     values::make_folder("--report", &args.report)?;
-    let mut pictures = args.open_pictures()?;
+    let kind = FrameKind::RECONSTRUCTION;
+    let mut pictures = args.overwrite.open_given("--pictures", &args.pictures, kind)?;
     let inputs = args.input.frames()?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
@@ -311,7 +305,7 @@ pub fn run(args: &Args, lab: &LabArgs) -> anyhow::Result<()> {
         runs.push(simulation.run(frames, || bar.inc(1))?);
     }
     bar.finish_and_clear();
-    pictures.as_mut().map_or(Ok(()), FrameFolder::finish)?;
+    pictures.iter_mut().try_for_each(FrameFolder::finish)?;
     let shown: Vec<_> = (0..frames).map(|frame| footage.picture(frame)).collect();
     for coder in &lab.beside {
         compare(*coder, &shown, args.fps, &mut runs)?;

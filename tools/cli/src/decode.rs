@@ -18,7 +18,7 @@ use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::keys::KeyArgs;
 use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
 use nvsprior_inputs::values;
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use nvsprior_runs::{FrameFolder, FrameKind};
 use truth::{TruthArgs, TruthFolders};
 
 /// Decode packets to pictures, with the prior alone
@@ -89,8 +89,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
     }
     if let Some(folder) = &args.doubt {
-        let overwrite = args.overwrite.overwrite;
-        outputs.doubt = Some(DoubtFolder::new(folder, overwrite, &engine, &args.prior)?);
+        let folder = args.overwrite.open("--doubt", folder, FrameKind::DOUBT)?;
+        outputs.doubt = Some(DoubtFolder::new(folder, &engine, &args.prior)?);
     }
     let mut track = args.track.as_deref().map(TrackFile::of_packets).transpose()?;
     let bar = progress(packets.len(), "decoding");
@@ -177,10 +177,9 @@ struct Outputs {
 
 impl Outputs {
     fn open(args: &Args) -> anyhow::Result<Outputs> {
-        let overwrite = args.overwrite.overwrite;
-        let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
-        let pictures = FrameFolder::open("--pictures", &args.pictures, kind, overwrite)?;
-        Ok(Outputs { pictures, truth: args.truth.open(overwrite)?, doubt: None })
+        let kind = FrameKind::RECONSTRUCTION;
+        let pictures = args.overwrite.open("--pictures", &args.pictures, kind)?;
+        Ok(Outputs { pictures, truth: args.truth.open(&args.overwrite)?, doubt: None })
     }
 
     /// Decodes a packet, and writes what is asked for.
@@ -208,6 +207,6 @@ impl Outputs {
     fn finish(&mut self) -> anyhow::Result<()> {
         self.pictures.finish()?;
         self.truth.finish()?;
-        self.doubt.as_mut().map_or(Ok(()), DoubtFolder::finish)
+        self.doubt.iter_mut().try_for_each(DoubtFolder::finish)
     }
 }

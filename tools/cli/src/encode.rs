@@ -20,7 +20,7 @@ use crate::keyed_files::FileTags;
 use frames::Frames;
 use nvsprior_inputs::summary::{self, Row};
 use nvsprior_inputs::track_file::{TrackFile, TrackPoint};
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark, SheetRow, write_contact_sheet};
+use nvsprior_runs::{FrameFolder, FrameKind, SheetRow, write_contact_sheet};
 
 /// Encode the frames of a camera file, or of a video, to packets
 ///
@@ -189,8 +189,6 @@ struct Outputs {
 
 /// Makes the folders, and finds out before any work whether the files can be written.
 fn outputs(args: &Args) -> anyhow::Result<Outputs> {
-    let open =
-        |option, folder, kind| FrameFolder::open(option, folder, kind, args.overwrite.overwrite);
     if let Some(file) = &args.summary {
         values::check_file("--summary", file)?;
     }
@@ -200,11 +198,11 @@ fn outputs(args: &Args) -> anyhow::Result<Outputs> {
     if let Some(file) = &args.track {
         values::check_file("--track", file)?;
     }
-    let packets = open("--packets", &args.packets, FrameKind::Ending("nvsp"))?;
-    let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
-    let pictures = args.pictures.as_deref().map(|folder| open("--pictures", folder, kind));
+    let packets = args.overwrite.open("--packets", &args.packets, FrameKind::PACKET)?;
+    let kind = FrameKind::RECONSTRUCTION;
+    let pictures = args.overwrite.open_given("--pictures", &args.pictures, kind)?;
     let track = args.track.as_deref().map(TrackFile::of_vehicle).transpose()?;
-    Ok(Outputs { packets, pictures: pictures.transpose()?, track, sheet: Vec::new() })
+    Ok(Outputs { packets, pictures, track, sheet: Vec::new() })
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -257,7 +255,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         write_contact_sheet(path, &outputs.sheet)?;
     }
     outputs.packets.finish()?;
-    outputs.pictures.as_mut().map_or(Ok(()), FrameFolder::finish)?;
+    outputs.pictures.iter_mut().try_for_each(FrameFolder::finish)?;
     args.device.check(&engine)
 }
 

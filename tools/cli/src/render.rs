@@ -11,7 +11,7 @@ use nvsprior::{Camera, Picture, Pose};
 use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, numbers, progress};
 use nvsprior_inputs::camera_file::CameraFile;
 use nvsprior_inputs::{frame_file, values};
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use nvsprior_runs::FrameKind;
 
 /// Render the prior at a pose, or at many
 #[derive(clap::Args)]
@@ -92,8 +92,7 @@ fn draw_many(
     poses: &[(String, Pose)],
     folder: &Path,
 ) -> anyhow::Result<()> {
-    let kind = FrameKind::Picture(PictureMark::RENDER);
-    let mut folder = FrameFolder::open("--pictures", folder, kind, args.overwrite.overwrite)?;
+    let mut folder = args.overwrite.open("--pictures", folder, FrameKind::RENDER)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;

@@ -45,8 +45,7 @@ impl Sink {
     fn new(args: &Args) -> anyhow::Result<Sink> {
         if let Some(folder) = &args.out {
             let kind = FrameKind::Ending("frame");
-            let folder = FrameFolder::open("--out", folder, kind, args.overwrite.overwrite)?;
-            return Ok(Sink::Folder(folder));
+            return Ok(Sink::Folder(args.overwrite.open("--out", folder, kind)?));
         }
         let to = args.udp.as_deref().unwrap_or_default();
         let address = to.to_socket_addrs().with_context(|| format!("--udp {to}"))?.next();

@@ -7,7 +7,7 @@ use anyhow::Context;
 use nvsprior::render::Scene;
 use nvsprior::{Camera, Encoded, Encoder, EncoderOptions, Engine, Picture, Pose, Rate};
 use nvsprior_basin::DemoFrame;
-use nvsprior_runs::{FrameKind, PictureMark, SheetRow, remove_own};
+use nvsprior_runs::{FrameKind, SheetRow, remove_own};
 
 use crate::table::Figures;
 use crate::topside::{PAPER, Topside};
@@ -71,8 +71,7 @@ impl Coder<'_> {
         let packets = run.join(format!("packets-{search}"));
         let decoded = run.join(format!("decoded-{search}"));
         // The folders are the demo's own: what an earlier run wrote goes.
-        let pictures = FrameKind::Picture(PictureMark::RECONSTRUCTION);
-        let kinds = [(&packets, FrameKind::Ending(ending)), (&decoded, pictures)];
+        let kinds = [(&packets, FrameKind::Ending(ending)), (&decoded, FrameKind::RECONSTRUCTION)];
         for (folder, kind) in kinds {
             remove_own(folder, kind)
                 .and_then(|()| std::fs::create_dir_all(folder))

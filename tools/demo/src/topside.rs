@@ -7,7 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use anyhow::Context;
 use nvsprior::{Decoder, Engine, Picture, Prior};
-use nvsprior_runs::{PictureMark, marked_png, read_png};
+use nvsprior_runs::{FrameKind, marked_png, read_png};
 
 /// How the names of files with packets of the paper's system end.
 pub const PAPER: &str = "paper";
@@ -72,7 +72,7 @@ pub fn serve(prior: &Path) -> anyhow::Result<()> {
         } else {
             picture = decoder.decode(&bytes).with_context(|| packet.clone())?.picture;
         }
-        let png = marked_png(&picture, Some(PictureMark::RECONSTRUCTION.0))?;
+        let png = marked_png(&picture, Some(FrameKind::RECONSTRUCTION.mark()))?;
         std::fs::write(&shown, png).with_context(|| format!("writing {shown}"))?;
         writeln!(std::io::stdout(), "shown")?;
     }

@@ -11,6 +11,7 @@ use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
 use nvsprior::vulkan::DeviceOptions;
 use nvsprior::{Camera, Engine, Picture, Pose, Prior, RenderOverrides};
+use nvsprior_runs::{FrameFolder, FrameFolderError, FrameKind};
 
 use crate::values;
 
@@ -36,6 +37,28 @@ pub struct OverwriteArgs {
     /// else is removed
     #[arg(long)]
     pub overwrite: bool,
+}
+
+impl OverwriteArgs {
+    /// Opens a folder that gets a file for each frame.
+    pub fn open(
+        &self,
+        option: &'static str,
+        folder: &Path,
+        kind: FrameKind,
+    ) -> Result<FrameFolder, FrameFolderError> {
+        FrameFolder::open(option, folder, kind, self.overwrite)
+    }
+
+    /// The same, if one is given.
+    pub fn open_given(
+        &self,
+        option: &'static str,
+        folder: &Option<PathBuf>,
+        kind: FrameKind,
+    ) -> Result<Option<FrameFolder>, FrameFolderError> {
+        folder.as_deref().map(|folder| self.open(option, folder, kind)).transpose()
+    }
 }
 
 /// Render options that stand in for the file's own.
@@ -158,7 +181,8 @@ impl PriorArgs {
         if !is_empty || self.prior_memory.is_some() {
             return Ok(());
         }
-        let prior = self.open()?;
+        // What was left out of it was told when it was uploaded.
+        let prior = nvsprior_formats::open(&self.prior, &self.overrides.overrides())?;
         if prior.is_cut_by_near_plane(camera, pose) {
             let (path, near) = (self.prior.display(), prior.options().near);
             tell!(

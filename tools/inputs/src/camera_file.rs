@@ -17,11 +17,13 @@ mod posed;
 
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DMat4, DQuat};
+use glam::{DMat3, DMat4};
+use nvsprior::geometry::rotation_of;
 use nvsprior::{Camera, Pose};
 use serde_json::Value;
 
-use numbers::floats;
+use crate::frame_file::ENDINGS;
+use numbers::{RIGID, floats};
 pub(crate) use posed::PosedFile;
 
 /// One posed picture.
@@ -319,13 +321,8 @@ impl Entry<'_> {
         let rows = rows.and_then(|rows| <[_; 4]>::try_from(rows).ok()).ok_or(wrong)?;
         let m = DMat4::from_cols_array_2d(&rows).transpose();
         let flip = DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, -1.0));
-        let rotation = DMat3::from_mat4(m) * flip;
-        let error = rotation * rotation.transpose() - DMat3::IDENTITY;
-        let orthonormal = error.to_cols_array().iter().all(|v| v.abs() < 1e-3);
-        if !(orthonormal && rotation.determinant() > 0.0 && m.is_finite()) {
-            return Err(wrong.into());
-        }
-        let rotation = DQuat::from_mat3(&rotation).normalize();
+        let rotation = rotation_of(&(DMat3::from_mat4(m) * flip), RIGID);
+        let rotation = rotation.filter(|_| m.is_finite()).ok_or(wrong)?;
         Ok(Pose { rotation, translation: m.w_axis.truncate() }.inverse())
     }
 }
@@ -335,9 +332,9 @@ pub(crate) fn with_ending(file: PathBuf) -> PathBuf {
     if file.exists() {
         return file;
     }
-    let endings = ["png", "jpg", "jpeg", "webp", "PNG", "JPG", "JPEG", "WEBP"];
-    let candidates = endings.map(|e| file.with_added_extension(e));
-    candidates.into_iter().find(|f| f.exists()).unwrap_or(file)
+    let endings = ENDINGS.into_iter().map(str::to_owned).chain(ENDINGS.map(str::to_uppercase));
+    let mut candidates = endings.map(|ending| file.with_added_extension(ending));
+    candidates.find(|candidate| candidate.exists()).unwrap_or(file)
 }
 
 #[cfg(test)]

@@ -39,6 +39,9 @@ pub enum FrameFileError {
     Row { path: PathBuf, row: usize, what: String },
 }
 
+/// Endings of the names of pictures.
+pub(crate) const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
+
 /// How far the ratio of the sides may be off, since sizes are rounded to whole pixels.
 const SHAPE_TOLERANCE: f64 = 0.01;
 

@@ -57,10 +57,8 @@ pub fn check(bytes: &[u8]) -> Result<(), JpegError> {
             SOF0..=SOF2 => {
                 headers.frame(segment, marker == SOF2).ok_or(broken("its frame header"))?;
                 // Each block takes a bit at least.
-                if headers.blocks() / 8 > bytes.len() {
-                    return Err(JpegError::Cut { at: bytes.len() });
-                }
-                headers.make_room();
+                let room = headers.make_room(bytes.len().saturating_mul(8));
+                room.ok_or(JpegError::Cut { at: bytes.len() })?;
             }
             // Lossless and arithmetic ones, which the decoder refuses by name.
             0xC3 | 0xC5..=0xC7 | 0xC9..=0xCB | 0xCD..=0xCF => return Ok(()),
@@ -112,29 +110,28 @@ impl Headers {
         Some(())
     }
 
-    fn listed(&self) -> Vec<(u8, (usize, usize))> {
-        self.components.iter().map(|c| (c.id, c.sampling)).collect()
-    }
-
-    fn blocks(&self) -> usize {
-        let units = self.units(&self.listed());
+    /// For what is to be remembered of each block, if there are at most so many.
+    fn make_room(&mut self, most: usize) -> Option<()> {
+        let units = self.units();
         let blocks = |c: &Component| units.0 * units.1 * c.sampling.0 * c.sampling.1;
-        self.components.iter().map(blocks).sum()
+        let all: usize = self.components.iter().map(blocks).sum();
+        for component in self.components.iter_mut().filter(|_| self.progressive && all <= most) {
+            component.coefficients = Coefficients::new(blocks(component));
+        }
+        (all <= most).then_some(())
     }
 
-    /// For what is to be remembered of each block.
-    fn make_room(&mut self) {
-        let units = self.units(&self.listed());
-        for component in self.components.iter_mut().filter(|_| self.progressive) {
-            let blocks = units.0 * units.1 * component.sampling.0 * component.sampling.1;
-            component.coefficients = Coefficients::new(blocks);
-        }
+    /// The greatest sampling.
+    fn largest(&self) -> (usize, usize) {
+        let most = |of: fn((usize, usize)) -> usize| {
+            self.components.iter().map(|component| of(component.sampling)).max().unwrap_or(1)
+        };
+        (most(|s| s.0), most(|s| s.1))
     }
 
     /// Units of an interleaved scan, in columns and rows.
-    fn units(&self, components: &[(u8, (usize, usize))]) -> (usize, usize) {
-        let most = |of: fn((usize, usize)) -> usize| components.iter().map(|c| of(c.1)).max();
-        let (h, v) = (most(|s| s.0).unwrap_or(1), most(|s| s.1).unwrap_or(1));
+    fn units(&self) -> (usize, usize) {
+        let (h, v) = self.largest();
         (self.size.0.div_ceil(SIDE * h), self.size.1.div_ceil(SIDE * v))
     }
 
@@ -153,8 +150,7 @@ impl Headers {
     /// Reads a scan's data, and gives the place behind them.
     fn scan(&mut self, segment: &[u8], bytes: &[u8], at: usize) -> Result<usize, JpegError> {
         let broken = JpegError::Broken { at, what: "its scan header" };
-        let listed = self.listed();
-        let units = self.units(&listed);
+        let (largest, units) = (self.largest(), self.units());
         let count = usize::from(*segment.first().ok_or(broken.clone())?);
         let rest = segment.get(1 + 2 * count..4 + 2 * count).ok_or(broken.clone())?;
         let (band, bits) = ((rest[0].into(), rest[1].into()), (rest[2] >> 4, rest[2] & 15));
@@ -180,8 +176,6 @@ impl Headers {
             scan.parts.push(Part { unit: *sampling, row, coefficients, dc, ac });
         }
         if let [part] = &mut scan.parts[..] {
-            let most = |of: fn((usize, usize)) -> usize| listed.iter().map(|c| of(c.1)).max();
-            let largest = (most(|s| s.0).unwrap_or(1), most(|s| s.1).unwrap_or(1));
             scan.units = Part::blocks(self.size, part.unit, largest);
             part.unit = (1, 1);
         }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+pub use nvsprior_runs::{OutputError, check_file, make_folder};
 use nvsprior_runs::{end_replacing, files_of};
 
 /// Wrong usage that shows only after the arguments were parsed. The program exits with 2.
@@ -174,16 +175,6 @@ fn ends_with(text: &str, ending: &str) -> Result<PathBuf, String> {
     if fits { Ok(path) } else { Err(format!("the file's name must end in .{ending}")) }
 }
 
-#[derive(Debug, thiserror::Error)]
-pub enum OutputError {
-    #[error("{option} {}: this is a file; give a folder", path.display())]
-    File { option: &'static str, path: PathBuf },
-    #[error("{option} {}: this is a folder; give a file", path.display())]
-    Folder { option: &'static str, path: PathBuf },
-    #[error("{option} {}: cannot be written: {error}", path.display())]
-    Write { option: &'static str, path: PathBuf, error: std::io::Error },
-}
-
 /// Files of a folder that end in `.ending`, in the order of their names; at least one. `what`: what they hold.
 pub fn files(folder: &Path, ending: &str, what: &str) -> anyhow::Result<Vec<PathBuf>> {
     let reading = || format!("reading {}", folder.display());
@@ -191,26 +182,6 @@ pub fn files(folder: &Path, ending: &str, what: &str) -> anyhow::Result<Vec<Path
     let files = files_of(folder, ending).with_context(reading)?;
     anyhow::ensure!(!files.is_empty(), "{}: no {what} (*.{ending})", folder.display());
     Ok(files)
-}
-
-/// Makes a folder to write to, with those above it.
-pub fn make_folder(option: &'static str, path: &Path) -> Result<(), OutputError> {
-    let path = path.to_path_buf();
-    if path.exists() && !path.is_dir() {
-        return Err(OutputError::File { option, path });
-    }
-    std::fs::create_dir_all(&path).map_err(|error| OutputError::Write { option, path, error })
-}
-
-/// Finds out whether a file can be written, and leaves what is there as it is.
-pub fn check_file(option: &'static str, path: &Path) -> Result<(), OutputError> {
-    if path.is_dir() {
-        return Err(OutputError::Folder { option, path: path.to_path_buf() });
-    }
-    let there = path.exists();
-    let opened = std::fs::OpenOptions::new().create(true).append(true).open(path).map(drop);
-    let tried = opened.and_then(|()| if there { Ok(()) } else { std::fs::remove_file(path) });
-    tried.map_err(|error| OutputError::Write { option, path: path.to_path_buf(), error })
 }
 
 #[cfg(test)]

@@ -12,12 +12,13 @@ use std::path::{Path, PathBuf};
 
 use nvsprior::Picture;
 
+use crate::output::{OutputError, make_folder};
 use crate::png_file::{PngFileError, is_marked, marked_grey_png, marked_png};
 
 #[derive(Debug, thiserror::Error)]
 pub enum FrameFolderError {
-    #[error("{option} {}: this is a file; give a folder", path.display())]
-    File { option: &'static str, path: PathBuf },
+    #[error(transparent)]
+    Output(#[from] OutputError),
     #[error("{option} {}: holds files of this kind already, such as {example}: two runs would be mixed. Give another \
         folder, or --overwrite, which removes those that such a command wrote", path.display())]
     Holds { option: &'static str, path: PathBuf, example: String },
@@ -35,23 +36,18 @@ pub enum FrameFolderError {
 pub enum FrameKind {
     /// All that end so are a command's own: nobody else writes them.
     Ending(&'static str),
-    /// PNGs, of which those are a command's own that say so in themselves.
-    Picture(PictureMark),
-}
-
-/// What a PNG says of itself: its text "Software".
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PictureMark(pub &'static str);
-
-impl PictureMark {
-    pub const RECONSTRUCTION: PictureMark = PictureMark("nvsprior: reconstruction");
-    pub const RENDER: PictureMark = PictureMark("nvsprior: render");
-    pub const TRUTH: PictureMark = PictureMark("nvsprior: truth map");
-    pub const OVERLAY: PictureMark = PictureMark("nvsprior: overlay");
-    pub const DOUBT: PictureMark = PictureMark("nvsprior: doubt");
+    /// PNGs, of which those are a command's own whose text "Software" is this.
+    Picture(&'static str),
 }
 
 impl FrameKind {
+    pub const PACKET: FrameKind = FrameKind::Ending("nvsp");
+    pub const RECONSTRUCTION: FrameKind = FrameKind::Picture("nvsprior: reconstruction");
+    pub const RENDER: FrameKind = FrameKind::Picture("nvsprior: render");
+    pub const TRUTH: FrameKind = FrameKind::Picture("nvsprior: truth map");
+    pub const OVERLAY: FrameKind = FrameKind::Picture("nvsprior: overlay");
+    pub const DOUBT: FrameKind = FrameKind::Picture("nvsprior: doubt");
+
     fn ending(self) -> &'static str {
         match self {
             FrameKind::Ending(ending) => ending,
@@ -59,17 +55,18 @@ impl FrameKind {
         }
     }
 
-    fn mark(self) -> &'static str {
+    /// What its PNGs say of themselves.
+    pub fn mark(self) -> &'static str {
         match self {
             FrameKind::Ending(_) => "nvsprior",
-            FrameKind::Picture(mark) => mark.0,
+            FrameKind::Picture(mark) => mark,
         }
     }
 
     fn is_own(self, file: &Path) -> bool {
         match self {
             FrameKind::Ending(_) => true,
-            FrameKind::Picture(mark) => is_marked(file, mark.0),
+            FrameKind::Picture(mark) => is_marked(file, mark),
         }
     }
 }
@@ -114,11 +111,8 @@ impl FrameFolder {
         overwrite: bool,
     ) -> Result<FrameFolder, FrameFolderError> {
         let path = || folder.to_path_buf();
-        if folder.exists() && !folder.is_dir() {
-            return Err(FrameFolderError::File { option, path: path() });
-        }
+        make_folder(option, folder)?;
         let failed = |error| FrameFolderError::Write { path: path(), error };
-        fs::create_dir_all(folder).map_err(failed)?;
         end_replacing(folder, kind.ending()).map_err(failed)?;
         let there = files_of(folder, kind.ending()).map_err(failed)?;
         let mut to = path();
@@ -135,9 +129,8 @@ impl FrameFolder {
         Ok(FrameFolder { folder: path(), kind, to, again: BTreeSet::new() })
     }
 
-    /// Writes a file, and says where it lies for now. A name that is taken is refused; a file that cannot be written
-    /// whole does not stay.
-    pub fn write(&mut self, name: &str, bytes: &[u8]) -> Result<PathBuf, FrameFolderError> {
+    /// Writes a file. A name that is taken is refused; a file that cannot be written whole does not stay.
+    pub fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), FrameFolderError> {
         let (path, last) = (self.to.join(name), self.folder.join(name));
         let twice = || FrameFolderError::Twice { path: last.clone() };
         if self.to != self.folder && last.exists() && !self.kind.is_own(&last) {
@@ -153,8 +146,7 @@ impl FrameFolder {
             // The first error is the one to tell.
             let _ = fs::remove_file(&path);
             failed(error)
-        })?;
-        Ok(path)
+        })
     }
 
     /// Writes NAME.png.
@@ -180,7 +172,7 @@ impl FrameFolder {
         let name = format!("{name}.png");
         let failed = |error| PngFileError::Write { path: self.folder.join(&name), error };
         let bytes = png(self.kind.mark()).map_err(failed)?;
-        self.write(&name, &bytes).map(drop)
+        self.write(&name, &bytes)
     }
 
     /// As [`write`](Self::write), but a file that this command wrote before may be replaced.
@@ -287,8 +279,8 @@ pub fn files_of(folder: &Path, ending: &str) -> std::io::Result<Vec<PathBuf>> {
 mod tests {
     use super::*;
 
-    const PACKETS: FrameKind = FrameKind::Ending("nvsp");
-    const PICTURES: FrameKind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
+    const PACKETS: FrameKind = FrameKind::PACKET;
+    const PICTURES: FrameKind = FrameKind::RECONSTRUCTION;
 
     fn open(
         folder: &Path,

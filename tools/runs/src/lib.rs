@@ -41,14 +41,16 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 mod contact;
 mod frame_folder;
+mod output;
 mod png_file;
 mod run_writer;
 mod sheet;
 
 pub use contact::{SheetRow, write_contact_sheet};
 pub use frame_folder::{
-    FrameFolder, FrameFolderError, FrameKind, PictureMark, end_replacing, files_of, remove_own,
+    FrameFolder, FrameFolderError, FrameKind, end_replacing, files_of, remove_own,
 };
+pub use output::{OutputError, check_file, make_folder};
 pub use png_file::{PngFileError, marked_png, png_of, read_png, write_png};
 pub use run_writer::{RunView, RunWriter, RunWriterError};
 pub use sheet::Sheet;

@@ -1,11 +1,9 @@
 //! What is known of pictures that are memory, as pictures.
 
-use std::path::Path;
-
 use anyhow::Context;
 use nvsprior::{Decoder, DoubtMap, DoubtView, Engine, Pose};
 use nvsprior_inputs::args::PriorArgs;
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use nvsprior_runs::FrameFolder;
 
 /// Draws doubt, and writes it to a folder.
 pub struct DoubtFolder {
@@ -15,15 +13,12 @@ pub struct DoubtFolder {
 }
 
 impl DoubtFolder {
-    /// Reads the prior's doubt, and makes the folder.
+    /// Reads the prior's doubt.
     pub fn new(
-        folder: &Path,
-        overwrite: bool,
+        folder: FrameFolder,
         engine: &Engine,
         prior: &PriorArgs,
     ) -> anyhow::Result<DoubtFolder> {
-        let kind = FrameKind::Picture(PictureMark::DOUBT);
-        let folder = FrameFolder::open("--doubt", folder, kind, overwrite)?;
         let path = prior.prior.display();
         let prior = prior.open()?;
         if prior.extras().doubt.is_none() {

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use nvsprior::Picture;
 use nvsprior::truth::TruthMap;
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use nvsprior_inputs::args::OverwriteArgs;
+use nvsprior_runs::{FrameFolder, FrameKind};
 
 /// Where truth maps are written.
 #[derive(clap::Args)]
@@ -27,15 +28,10 @@ pub struct TruthFolders {
 
 impl TruthArgs {
     /// Makes the folders.
-    pub fn open(&self, overwrite: bool) -> anyhow::Result<TruthFolders> {
-        let open = |option, folder: &Option<PathBuf>, mark| {
-            let kind = FrameKind::Picture(mark);
-            let opened = folder.as_deref().map(|f| FrameFolder::open(option, f, kind, overwrite));
-            opened.transpose()
-        };
+    pub fn open(&self, overwrite: &OverwriteArgs) -> anyhow::Result<TruthFolders> {
         Ok(TruthFolders {
-            truth: open("--truth", &self.truth, PictureMark::TRUTH)?,
-            overlay: open("--overlay", &self.overlay, PictureMark::OVERLAY)?,
+            truth: overwrite.open_given("--truth", &self.truth, FrameKind::TRUTH)?,
+            overlay: overwrite.open_given("--overlay", &self.overlay, FrameKind::OVERLAY)?,
         })
     }
 }

@@ -59,7 +59,7 @@ fn list(folder: &Path, files: &mut Vec<PathBuf>) -> anyhow::Result<()> {
     let reading = || format!("reading {}", folder.display());
     for entry in std::fs::read_dir(folder).with_context(reading)? {
         let entry = entry.with_context(reading)?;
-        // A link may lead back to where it lies.
+        // Links are not followed: one may lead to a folder above it.
         let (path, kind) = (entry.path(), entry.file_type().with_context(reading)?);
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
         if kind.is_dir() {

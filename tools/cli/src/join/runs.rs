@@ -23,7 +23,6 @@ const APART: f64 = 60.0;
 const MAX_BYTES: usize = 1 << 16;
 /// What packets count their frames to.
 const NUMBERS: u32 = 1 << 16;
-const PACKETS: FrameKind = FrameKind::Ending("nvsp");
 
 /// Frames of one count of numbers.
 pub struct Gathering {
@@ -88,7 +87,7 @@ pub struct Run {
 
 impl Run {
     fn new(folder: &Path, overwrite: bool) -> anyhow::Result<Run> {
-        let files = FrameFolder::open("--out", folder, PACKETS, overwrite)?;
+        let files = FrameFolder::open("--out", folder, FrameKind::PACKET, overwrite)?;
         let (packets, since) = (BTreeMap::new(), BTreeSet::new());
         Ok(Run { folder: folder.to_path_buf(), files, packets, since })
     }
@@ -246,7 +245,7 @@ impl Runs {
         // Of an earlier command that had more runs.
         let more = (self.runs.len() + 1..).map(|number| self.folder(number));
         for folder in more.take_while(|folder| self.overwrite && folder.is_dir()) {
-            remove_own(&folder, PACKETS).with_context(|| folder.display().to_string())?;
+            remove_own(&folder, FrameKind::PACKET).with_context(|| folder.display().to_string())?;
         }
         Ok(self.runs)
     }

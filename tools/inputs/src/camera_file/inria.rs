@@ -1,11 +1,12 @@
 //! Inria's `cameras.json`, which its trainer writes: a list of `img_name`, `width`, `height`, `fx`, `fy`, `position`
 //! (the camera's centre) and `rotation` (camera to world, rows). The principal point is the middle.
 
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DMat3, DVec3};
 use nvsprior::Pose;
+use nvsprior::geometry::rotation_of;
 use serde_json::{Value, json};
 
-use super::numbers::floats;
+use super::numbers::{RIGID, floats};
 
 /// The same as our own list, if it is one; else as it was. What is wrong, with the name of the entry.
 pub fn converted(root: Value) -> Result<Value, (String, String)> {
@@ -28,11 +29,8 @@ fn own(entry: &Value, name: &str, index: usize) -> Result<Value, String> {
         entry["rotation"].as_array().and_then(|rows| rows.iter().map(floats).collect());
     let rows = rows.and_then(|rows| <[_; 3]>::try_from(rows).ok());
     let to_camera = DMat3::from_cols_array_2d(&rows.ok_or("\"rotation\" is not 3×3 numbers")?);
-    let error = (to_camera * to_camera.transpose() - DMat3::IDENTITY).to_cols_array();
-    if error.iter().any(|v| !(v.abs() < 1e-3)) || !(to_camera.determinant() > 0.0) {
-        return Err("\"rotation\" is no rotation".into());
-    }
-    let pose = Pose::from_centre(DQuat::from_mat3(&to_camera).normalize(), centre);
+    let rotation = rotation_of(&to_camera, RIGID).ok_or("\"rotation\" is no rotation")?;
+    let pose = Pose::from_centre(rotation, centre);
     let middle = |key: &str| entry[key].as_f64().map(|side| side / 2.0);
     // The trainer leaves out the ending, and the folder.
     let name = if name.contains('/') { name.to_owned() } else { format!("images/{name}") };

@@ -117,9 +117,7 @@ impl Part<'_> {
             self.dc(bits)?;
             return self.ac(bits, (1, COUNT - 1), &mut 0, &mut 0);
         }
-        let mut none = 0;
-        let nonzero = self.coefficients.nonzero.get_mut(place).unwrap_or(&mut none);
-        let mut own = *nonzero;
+        let mut own = self.coefficients.nonzero.get(place).copied().unwrap_or_default();
         match (first, before) {
             (0, 0) => self.dc(bits)?,
             (0, _) => drop(bits.bit()?),
@@ -147,21 +145,12 @@ impl Part<'_> {
         nonzero: &mut u64,
         run: &mut u32,
     ) -> Result<(), JpegError> {
-        if *run > 0 {
-            *run -= 1;
-            return Ok(());
-        }
         let mut at = first;
-        while at <= last {
-            let code = self.ac.decode(bits)?;
-            let (zeros, length) = (u32::from(code >> 4), u32::from(code & 15));
-            match (zeros, length) {
+        while *run == 0 && at <= last {
+            match self.code(bits)? {
                 (15, 0) => at += 16,
-                (_, 0) => {
-                    *run = (1 << zeros) - 1 + bits.number(zeros)?;
-                    break;
-                }
-                _ => {
+                (zeros, 0) => *run = run_of_blocks(bits, zeros)?,
+                (zeros, length) => {
                     at += zeros as usize;
                     if at > last {
                         return Err(bits.broken("a block of more than 64 coefficients"));
@@ -172,7 +161,14 @@ impl Part<'_> {
                 }
             }
         }
+        *run = run.saturating_sub(1);
         Ok(())
+    }
+
+    /// Zeros before a coefficient, and how many bits it has.
+    fn code(&self, bits: &mut Bits<'_>) -> Result<(u32, u32), JpegError> {
+        let code = self.ac.decode(bits)?;
+        Ok((u32::from(code >> 4), u32::from(code & 15)))
     }
 
     /// One bit more of coefficients: those that are there have one each, between the others' codes.
@@ -185,14 +181,11 @@ impl Part<'_> {
     ) -> Result<(), JpegError> {
         let mut at = first;
         while *run == 0 && at <= last {
-            let code = self.ac.decode(bits)?;
-            let (mut zeros, is_new) = (u32::from(code >> 4), code & 15 != 0);
-            match (zeros, is_new) {
-                (15, _) | (_, true) => {}
-                _ => {
-                    *run = (1 << zeros) + bits.number(zeros)?;
-                    break;
-                }
+            let (mut zeros, length) = self.code(bits)?;
+            let is_new = length > 0;
+            if zeros < 15 && !is_new {
+                *run = run_of_blocks(bits, zeros)?;
+                break;
             }
             if is_new {
                 bits.bit()?;
@@ -217,4 +210,9 @@ impl Part<'_> {
         }
         Ok(())
     }
+}
+
+/// Blocks without more coefficients of the band, this one counted. The code's bits, and then as many more.
+fn run_of_blocks(bits: &mut Bits<'_>, length: u32) -> Result<u32, JpegError> {
+    Ok((1 << length) + bits.number(length)?)
 }

@@ -9,11 +9,8 @@ use rayon::prelude::*;
 
 use super::pairs::{Seen, luma};
 use super::{Lenses, StructureError};
-use crate::frame_file::{FrameFileError, open_image};
+use crate::frame_file::{ENDINGS, FrameFileError, open_image};
 use crate::posed::PosedError;
-
-/// Endings of the names of pictures.
-const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
 pub struct Listed {
     /// The folder's absolute path.

@@ -28,11 +28,12 @@ pub fn is_interlaced(frames: &[VideoFrame]) -> bool {
 fn misfit(even: &VideoFrame, odd: &VideoFrame) -> f64 {
     /// More columns say nothing more.
     const COLUMNS: usize = 640;
-    let ((width, height), stride) = (even.size(), even.layout.strides[0]);
-    let row = |frame: &VideoFrame, y: usize| frame.data[y * stride..][..width as usize].to_vec();
+    let (width, height) = even.size();
     let every = (width as usize / COLUMNS).max(1);
     let of_row = |y: usize| {
-        let [above, here, below] = [row(even, y - 1), row(odd, y), row(even, y + 1)];
+        let at = |y: usize| y * even.layout.strides[0];
+        let [above, below] = [at(y - 1), at(y + 1)].map(|from| &even.data[from..]);
+        let here = &odd.data[at(y)..];
         let columns = (0..width as usize).step_by(every);
         let off = |x: usize| i64::from(above[x]) + i64::from(below[x]) - 2 * i64::from(here[x]);
         columns.map(|x| off(x).unsigned_abs()).sum::<u64>()
@@ -69,10 +70,8 @@ fn picture(layout: &Layout, frames: [&Vec<u8>; 3]) -> Vec<u8> {
         let (width, height) = (half(layout.header.width), half(layout.header.height));
         for y in (1..height).step_by(2) {
             let below = if y + 1 < height { y + 1 } else { y - 1 };
-            let rows = |frame: &[u8]| {
-                [y - 1, y, below].map(|y| from + y * stride).map(|at| frame[at..][..width].to_vec())
-            };
-            let rows = frames.map(|frame| rows(frame));
+            let rows =
+                frames.map(|frame| [y - 1, y, below].map(|y| &frame[from + y * stride..][..width]));
             let made = &mut picture[from + y * stride..][..width];
             made.iter_mut().enumerate().for_each(|(x, value)| *value = pixel(&rows, x));
         }
@@ -82,16 +81,16 @@ fn picture(layout: &Layout, frames: [&Vec<u8>; 3]) -> Vec<u8> {
 
 /// A pixel of an odd row. `rows`: of the frame before, this one and the one after, each the row above, its own, and the
 /// one below.
-fn pixel(rows: &[[Vec<u8>; 3]; 3], x: usize) -> u8 {
+fn pixel(rows: &[[&[u8]; 3]; 3], x: usize) -> u8 {
     let [before, here, after] = rows;
-    let change = |other: &[Vec<u8>; 3]| {
+    let change = |other: &[&[u8]; 3]| {
         let [above, own, below] = [0, 1, 2].map(|i| other[i][x].abs_diff(here[i][x]));
         own.max(above.midpoint(below))
     };
     let change = change(before).max(change(after));
     let own = here[1][x];
     let last = here[0].len() - 1;
-    let [above, below] = [&here[0], &here[2]]
+    let [above, below] = [here[0], here[2]]
         .map(|row| move |x: usize, by: isize| row[x.saturating_add_signed(by).min(last)]);
     // Along which of three lines above and below agree best.
     let unlike = |slope: isize| {

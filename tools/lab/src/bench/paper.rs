@@ -33,10 +33,10 @@ use runs::Runs;
 ///
 /// WebP, JPEG XL, affine warps and BFGS with both, the program's own coder picture by picture and as a stream, and pose
 /// estimators. JPEG XL needs `cjxl` and `djxl`. Coders of others, and the learned ones of `tools/paper`, come with
-/// --learned. Methods that
-/// cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR), paper.md with what the paper
-/// reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV file given with --starts holds
-/// the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their own.
+/// --learned. Methods that cannot be measured are named. Writes paper.json, paper-equal.json (all at one PSNR),
+/// paper.md with what the paper reports beside each row, paper.svg, paper.png, and exchange/ for `tools/paper`. A CSV
+/// file given with --starts holds the starts of a pose regressor (name,qw,qx,qy,qz,tx,ty,tz), which get a row of their
+/// own.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]

@@ -7,7 +7,7 @@ use nvsprior::Picture;
 use nvsprior_inputs::args::{DeviceArgs, OverwriteArgs, PriorArgs, progress};
 use nvsprior_inputs::values;
 use nvsprior_paper::Decoder;
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use nvsprior_runs::FrameKind;
 
 use super::encode::ENDING;
 
@@ -30,9 +30,8 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let packets = values::files(&args.packets, ENDING, "packets")?;
-    let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
-    let overwrite = args.overwrite.overwrite;
-    let mut pictures = FrameFolder::open("--pictures", &args.pictures, kind, overwrite)?;
+    let kind = FrameKind::RECONSTRUCTION;
+    let mut pictures = args.overwrite.open("--pictures", &args.pictures, kind)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let (mut decoder, mut picture) = (Decoder::new(&engine, &scene), Picture::default());

@@ -9,7 +9,7 @@ use nvsprior_inputs::input::InputArgs;
 use nvsprior_inputs::summary::{self, Row};
 use nvsprior_inputs::values::{self, named};
 use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions, Optimizer};
-use nvsprior_runs::{FrameFolder, FrameKind, PictureMark};
+use nvsprior_runs::{FrameFolder, FrameKind};
 
 use crate::args::OPTIMIZERS;
 use crate::bench::StartArgs;
@@ -83,12 +83,10 @@ impl Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut frames = args.input.frames()?;
     args.start.move_first(&mut frames);
-    let open =
-        |option, folder, kind| FrameFolder::open(option, folder, kind, args.overwrite.overwrite);
-    let mut packets = open("--packets", &args.packets, FrameKind::Ending(ENDING))?;
-    let kind = FrameKind::Picture(PictureMark::RECONSTRUCTION);
-    let pictures = args.pictures.as_deref().map(|folder| open("--pictures", folder, kind));
-    let mut pictures = pictures.transpose()?;
+    let kind = FrameKind::Ending(ENDING);
+    let mut packets = args.overwrite.open("--packets", &args.packets, kind)?;
+    let kind = FrameKind::RECONSTRUCTION;
+    let mut pictures = args.overwrite.open_given("--pictures", &args.pictures, kind)?;
     if let Some(file) = &args.summary {
         values::check_file("--summary", file)?;
     }
@@ -115,6 +113,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         summary::write(path, &rows)?;
     }
     packets.finish()?;
-    pictures.as_mut().map_or(Ok(()), FrameFolder::finish)?;
+    pictures.iter_mut().try_for_each(FrameFolder::finish)?;
     args.device.check(&engine)
 }

@@ -47,7 +47,17 @@ mod tests {
     fn point(input: Input, bytes: f64, psnr: f64, ssim: f64) -> Point {
         let similarity = Similarity { ssim: Some(ssim), ms_ssim: None };
         let (mode, setting, encode_ms, decode_ms) = (Mode::Intra, 0.0, 0.0, 0.0);
-        Point { coder: "test", input, mode, setting, bytes, psnr, similarity, encode_ms, decode_ms }
+        Point {
+            coder: "test".into(),
+            input,
+            mode,
+            setting,
+            bytes,
+            psnr,
+            similarity,
+            encode_ms,
+            decode_ms,
+        }
     }
 
     #[test]

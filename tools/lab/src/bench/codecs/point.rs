@@ -1,5 +1,7 @@
 //! A coder at one setting.
 
+use std::borrow::Cow;
+
 use serde::Serialize;
 
 use crate::bench::similarity::Similarity;
@@ -42,7 +44,7 @@ impl Mode {
 /// Means per frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
-    pub coder: &'static str,
+    pub coder: Cow<'static, str>,
     pub input: Input,
     pub mode: Mode,
     pub setting: f64,
@@ -112,7 +114,7 @@ mod tests {
 
     fn curve(factor: f64) -> Vec<Point> {
         let point = |psnr: f64| Point {
-            coder: "test",
+            coder: "test".into(),
             input: Input::Frame,
             mode: Mode::Intra,
             setting: psnr,

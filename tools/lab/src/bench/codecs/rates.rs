@@ -10,7 +10,7 @@ pub const LEVELS: [f64; 7] = [30.0, 31.0, 32.0, 33.0, 34.0, 35.0, 36.0];
 
 /// Points of one coder, input and mode.
 pub struct Curve<'a> {
-    pub coder: &'static str,
+    pub coder: &'a str,
     pub input: Input,
     pub mode: Mode,
     pub points: Vec<&'a Point>,
@@ -21,7 +21,7 @@ impl<'a> Curve<'a> {
     pub fn all(points: &'a [Point]) -> Vec<Curve<'a>> {
         let mut curves: Vec<Curve> = Vec::new();
         for point in points {
-            let Point { coder, input, mode, .. } = *point;
+            let (coder, input, mode) = (&*point.coder, point.input, point.mode);
             let same = |c: &&mut Curve| (c.coder, c.input, c.mode) == (coder, input, mode);
             match curves.iter_mut().find(same) {
                 Some(curve) => curve.points.push(point),
@@ -101,7 +101,7 @@ mod tests {
 
     fn points(coder: &'static str, input: Input, factor: f64) -> Vec<Point> {
         let point = |psnr: f64| Point {
-            coder,
+            coder: coder.into(),
             input,
             mode: Mode::Intra,
             setting: psnr,

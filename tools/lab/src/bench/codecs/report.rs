@@ -68,7 +68,7 @@ fn table(points: &[Point]) -> Table {
     Table::of(
         points,
         &[
-            ("coder", &|p| p.coder.to_owned()),
+            ("coder", &|p| p.coder.to_string()),
             ("input", &|p| p.input.name().to_owned()),
             ("mode", &|p| p.mode.name().to_owned()),
             ("setting", &|p| fixed(p.setting, 3)),

@@ -102,7 +102,7 @@ impl Run {
             Input::Difference => (packet_bytes(), self.beside),
         };
         Point {
-            coder,
+            coder: coder.into(),
             input,
             mode,
             setting: outcome.setting,

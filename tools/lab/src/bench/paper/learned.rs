@@ -130,8 +130,7 @@ impl LearnedCoder {
             false => (Input::Frame, 0.0),
         };
         Point {
-            // As long as the program: there are few of them.
-            coder: self.method.clone().leak(),
+            coder: self.method.clone().into(),
             input,
             mode: Mode::Intra,
             setting: place as f64,

@@ -36,7 +36,7 @@ pub const CODECS: [&str; 9] = [
     "found-affine-webp",
 ];
 
-/// Says what is measured now, where no progress bar does.
+/// Says what is measured now, if there is no progress bar to do it.
 pub fn announce(what: &str) {
     if !std::io::stderr().is_terminal() {
         tell!("measuring {what}");
