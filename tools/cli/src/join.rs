@@ -89,7 +89,8 @@ fn from_folder(args: &Args, folder: &Path) -> anyhow::Result<Joined> {
     frames.iter().try_for_each(|frame| runs.push(frame))?;
     let refused = runs.refused();
     let runs = runs.finish()?;
-    let hint = mtu::other(&frames, mtu, runs.iter().map(Run::complete).sum());
+    let is_whole = refused == 0 && runs.iter().all(|run| run.complete() == run.packets.len());
+    let hint = if is_whole { None } else { mtu::other(&frames, mtu) };
     Ok(Joined { runs, refused, hint })
 }
 

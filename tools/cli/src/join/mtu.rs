@@ -9,22 +9,23 @@ use super::runs::Gathering;
 /// MTUs that are tried.
 const TRIED: usize = 4;
 
-/// What to do, if another MTU yields packets that this one does not. `complete`: those that this one yields.
-pub fn other(frames: &[Vec<u8>], mtu: usize, complete: usize) -> Option<String> {
-    let yields = |mtu: &usize| Some((*mtu, Gathering::count(frames, *mtu)?));
-    let found = candidates(frames).into_iter().filter(|other| *other != mtu);
-    let found: Vec<_> = found.collect::<Vec<_>>().iter().filter_map(yields).collect();
-    let (best, count) = *found.iter().max_by_key(|(_, count)| *count)?;
-    if count == 0 {
-        return None;
-    }
+/// What to do, if another MTU yields packets that this one does not.
+pub fn other(frames: &[Vec<u8>], mtu: usize) -> Option<String> {
+    let own = Gathering::complete(frames, mtu).ok()?;
+    let yields = |other: usize| {
+        let found = Gathering::complete(frames, other).ok()?;
+        Some((other, found.len(), found.difference(&own).count()))
+    };
+    let others = candidates(frames).into_iter().filter(|other| *other != mtu);
+    let (best, count, _) =
+        others.filter_map(yields).filter(|(.., new)| *new > 0).max_by_key(|(.., new)| *new)?;
     let padded = frames.iter().all(|frame| frame.len() == mtu) && best < mtu;
-    Some(match (complete, padded) {
+    Some(match (own.len(), padded) {
         (0, true) => format!(
             "--mtu {best} yields {count} complete packets: the frames are padded to {mtu} bytes"
         ),
         (0, false) => format!("--mtu {best} yields {count} complete packets"),
-        _ => format!(
+        (complete, _) => format!(
             "--mtu {mtu} yields {complete} complete packets, --mtu {best} {count}: the frames are of two MTUs. Put \
              those of each into a folder of its own"
         ),

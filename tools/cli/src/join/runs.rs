@@ -36,6 +36,8 @@ pub struct Gathering {
 enum Pushed {
     Refused,
     Taken,
+    /// The packet of this number is whole.
+    Complete(u32),
     /// The packet's own checks do not match; what was written of it may be wrong.
     Damaged,
 }
@@ -48,10 +50,15 @@ impl Gathering {
     }
 
     /// The complete packets that frames yield.
-    pub fn count(frames: &[Vec<u8>], mtu: usize) -> Option<usize> {
-        let mut gathering = Gathering::new(mtu).ok()?;
-        frames.iter().for_each(|frame| _ = gathering.push(frame));
-        Some(gathering.collector.statistics().completed as usize)
+    pub fn complete(frames: &[Vec<u8>], mtu: usize) -> Result<BTreeSet<Vec<u8>>, ModemError> {
+        let (mut gathering, mut complete) = (Gathering::new(mtu)?, BTreeSet::new());
+        for frame in frames {
+            if let Pushed::Complete(number) = gathering.push(frame) {
+                let packet = gathering.collector.packet(0, number);
+                complete.extend(packet.map(|packet| packet.bytes.to_vec()));
+            }
+        }
+        Ok(complete)
     }
 
     fn push(&mut self, frame: &[u8]) -> Pushed {
@@ -63,6 +70,7 @@ impl Gathering {
         }
         match pushed {
             Err(_) => Pushed::Refused,
+            Ok(Collected::Complete(_, number)) => Pushed::Complete(number),
             Ok(Collected::Damaged(..)) => Pushed::Damaged,
             Ok(_) => Pushed::Taken,
         }

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use nvsprior::packet::Packet;
 use nvsprior_link::modem::Sharer;
 
-use crate::dive::{Dive, FRAMES, name, pictures, save};
+use crate::dive::{Dive, FRAMES, INPUT, name, pictures, save};
 
 const DECODE: &str = "decode --prior prior.ply --frames out --overwrite --packets";
 
@@ -173,6 +173,14 @@ fn an_mtu_that_is_not_the_frames_is_named() {
         .says("--mtu 64 yields 2 complete")
         .says("padded to 80");
     dive.run("join padded --out some --mtu 64").ends_with(0);
+    // A packet of one frame is whole by any MTU, and some frames are lost: that is no other MTU.
+    dive.run(&format!("encode {INPUT} --residual none --packets small")).ends_with(0);
+    let small = "split small/0.nvsp small/1.nvsp packets/2.nvsp --out lossy --mtu 64";
+    dive.run(small).ends_with(0);
+    std::fs::remove_file(dive.path("lossy/2-0001.frame")).unwrap();
+    let run = dive.run("join lossy --out of-lossy").ends_with(0);
+    assert!(run.stdout.contains("2 of them complete"), "{}", run.stdout);
+    assert!(!run.stderr.contains("MTU"), "{}", run.stderr);
 }
 
 const LINK: &str =
