@@ -31,7 +31,7 @@ help:
 	@echo "make calibration    how far poses are off, beside what the program says of them: an hour"
 	@echo "make ageing         bytes of a frame as the demo's site ages, by streams and mapping: half an hour"
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
-	@echo "make test           the tests: a quarter of an hour, compiling counted"
+	@echo "make test           the tests: 20 minutes, compiling counted"
 	@echo "make long-test      those that take long: the laboratory's commands, memory"
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"

@@ -54,6 +54,8 @@
  * Threads. Any number of threads may use an engine, a prior or a DMA-BUF at once. One thread at a time may use an
  *   encoder, a decoder, a vehicle or a topside: a second one gets NVSP_ERR_BUSY and does no harm. No thread may use a
  *   handle while it is destroyed, or afterwards.
+ * Stacks. A call takes at most 32 kB of its thread's stack. If less than 1 MB of that is left, or the stack is one of
+ *   your own making, the call runs on a thread of the library that ends with it, and so do your callbacks within.
  * Waiting. A call waits only if its comment says so, and only for the device, no longer than
  *   nvsp_engine_options.watchdog_milliseconds for one piece of work. Building pipelines, in nvsp_engine_create and the
  *   first nvsp_prior_open, takes as long as the driver takes. No call waits for another program, a file (except

@@ -18,7 +18,7 @@ pub struct Decoded {
     pub picture: Picture,
     /// Frame number, completed from that of the last packet decoded: see [`Latent::frame_near`].
     pub frame: u32,
-    /// The pose it was rendered at.
+    /// The pose it was rendered at, in the world.
     pub pose: Pose,
     /// The vehicle's picture does not confirm the pose.
     pub uncertain: bool,
@@ -332,7 +332,7 @@ impl Decoder {
         let latent = *packet.latent();
         let frame = latent.frame_near(self.last_frame);
         let session_damage = self.learn_session(packet, frame)?;
-        let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
+        let pose = self.stated_pose(&latent);
         let known = self.known_pose(&latent);
         let here = self.engine.device().portable;
         let camera = self.named_camera(&latent, frame)?;
@@ -378,7 +378,7 @@ impl Decoder {
     pub fn draw(&mut self, pose: &Pose, picture: &mut Picture) -> Result<bool, Error> {
         let Some(view) = &mut self.camera_decoder else { return Ok(false) };
         picture.resize(view.camera.width, view.camera.height);
-        view.renderer.picture(pose, picture)?;
+        view.renderer.picture(&pose.relative_to(self.scene.origin()), picture)?;
         Ok(true)
     }
 
@@ -393,7 +393,13 @@ impl Decoder {
     /// If its latent part is damaged.
     pub fn pose_of(&self, packet: &[u8]) -> Result<(Pose, bool), Error> {
         let latent = self.poses.latent(packet)?;
-        Ok((latent.pose.dequantise(&self.scene.coordinate_frame()), !latent.uncertain))
+        Ok((self.stated_pose(&latent), !latent.uncertain))
+    }
+
+    /// In the world.
+    fn stated_pose(&self, latent: &Latent) -> Pose {
+        let pose = latent.pose.dequantise(&self.scene.coordinate_frame());
+        pose.absolute_from(self.scene.origin())
     }
 
     /// Within how much the vehicle knows the pose that a packet states.

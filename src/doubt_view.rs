@@ -70,7 +70,7 @@ impl DoubtView {
         let (_, renderer) = self.renderer.insert(drawn_by);
         let [columns, rows] = [camera.width, camera.height].map(|side| side.div_ceil(BLOCK));
         let width = renderer.camera(0).width as usize;
-        let picture = renderer.draw(pose)?;
+        let picture = renderer.draw(&pose.relative_to(self.scene.origin()))?;
         (map.columns, map.rows) = (columns, rows);
         map.levels.clear();
         map.expected.clear();

@@ -400,8 +400,8 @@ impl Encoder {
         let since = Instant::now();
         let limit = self.frame_time.as_ref().map(FrameTime::limit);
         self.check_frame(&work.frame)?;
-        let info = work.info;
-        self.check_info(&info)?;
+        self.check_info(&work.info)?;
+        let info = work.info.relative_to(self.scene.origin());
         self.renders_before.clear();
         self.renders_before.extend_from_slice(self.tracker.objective().renderer().renders());
         let states_session = self.session_due();
@@ -426,7 +426,8 @@ impl Encoder {
             let as_render = |at: usize, rgb: &mut [u8]| rgb.copy_from_slice(&render[at..at + 3]);
             mask.each_masked(&mut work.frame.data, as_render);
         }
-        work.pose = pose.dequantise(&self.scene.coordinate_frame());
+        let here = pose.dequantise(&self.scene.coordinate_frame());
+        work.pose = here.absolute_from(self.scene.origin());
         let session = Session { prior: self.scene.id(), camera: self.camera };
         let (covariance, known) = self.stated(&found, &pose);
         let latent = Latent {
@@ -568,7 +569,7 @@ impl Encoder {
     #[doc(hidden)]
     pub fn check_info(&self, info: &FrameInfo) -> Result<(), Error> {
         info.check(self.frame, self.time)?;
-        let Some(hint) = &info.hint else { return Ok(()) };
+        let Some(hint) = &info.relative_to(self.scene.origin()).hint else { return Ok(()) };
         let frame = self.scene.coordinate_frame();
         let distance = (hint.pose.centre() - self.scene.centre()).length();
         if distance > FAR * f64::from(frame.spread) {

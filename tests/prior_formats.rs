@@ -11,7 +11,7 @@ use common::{
 use nvsprior::prior::compact::{self, Quantisation};
 use nvsprior::prior::{Besides, Extras, KeyFrames, PriorFormat, Splats, ply};
 use nvsprior::render::Plan;
-use nvsprior::{Camera, Picture, Pose, Prior, RenderOverrides};
+use nvsprior::{Camera, Picture, Pose, Prior, RenderOptions, RenderOverrides};
 
 /// Pictures of a prior from some poses.
 fn pictures(prior: &Prior, camera: &Camera, poses: &[Pose]) -> Vec<Picture> {
@@ -179,4 +179,45 @@ fn key_frames_go_from_container_to_container() {
     assert_eq!(scene.id(), id);
     assert!(engine().upload(&open(&without)).unwrap().key_frames().is_empty());
     assert_silent(&engine());
+}
+
+#[test]
+fn what_people_give_for_a_scene_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content, told) in [
+        (
+            "a.ply",
+            "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 5\n",
+            "git lfs pull",
+        ),
+        ("b.ply", "<!DOCTYPE html><html></html>", "a web page"),
+        ("c.splat", "0123456789012345678901234567890123456789", "a .splat"),
+        ("d.ksplat", "\0\0\0\0", "a .ksplat"),
+        ("e.bin", "0123", "neither a PLY file"),
+        ("f", "", "neither a PLY file"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        let error = Prior::open(&path, &RenderOverrides::default()).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains(told), "{error}");
+    }
+}
+
+#[test]
+fn a_view_of_which_nothing_is_left_is_told() {
+    let wall = |z: f32| {
+        let positions = (0..9).map(|i| [(i % 3) as f32 * 0.01, (i / 3) as f32 * 0.01, z]);
+        let mut splats = Splats { positions: positions.collect(), ..Splats::default() };
+        splats.log_scales = vec![[-5.0; 3]; 9];
+        splats.rotations = vec![[1.0, 0.0, 0.0, 0.0]; 9];
+        splats.opacity_logits = vec![2.0; 9];
+        splats.sh = vec![0.0; 27];
+        Prior::from_splats(splats, RenderOptions::INRIA).unwrap()
+    };
+    let camera = Camera { width: 32, height: 18, fx: 30.0, fy: 30.0, cx: 16.0, cy: 9.0 };
+    let near = f64::from(RenderOptions::INRIA.near);
+    let is_cut = |z: f64| wall(z as f32).is_cut_by_near_plane(&camera, &Pose::IDENTITY);
+    assert!(is_cut(near / 2.0));
+    assert!(!is_cut(near * 2.0));
+    assert!(!is_cut(-1.0), "nothing is looked at");
 }

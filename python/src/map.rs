@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use nvsprior::prior::{Splats, origin_of};
 use nvsprior::{Camera, Picture, Prior, RenderOptions};
 use nvsprior_train::PosedPicture;
 use nvsprior_train::key_frames;
@@ -75,8 +76,10 @@ pub fn map(
     let options = options.stating_focal(&camera.0);
     let views = posed_pictures(pictures, &camera.0, &poses.all(), masks)?;
     let points = coloured_points(points, colours)?;
+    let (origin, views, points) = near_zero(views, points);
     let mapper = detached(py, || Ok(Mapper::new(engine.get()?, views, &points, &options)?))?;
-    let prior = Training { mapper, iterations, render: options.render }.run(py, progress)?;
+    let prior =
+        Training { mapper, iterations, render: options.render, origin }.run(py, progress)?;
     Ok(PyPrior(Arc::new(prior)))
 }
 
@@ -115,7 +118,7 @@ fn posed_pictures(
 fn coloured_points(
     points: Option<&Bound<PyAny>>,
     colours: Option<&Bound<PyAny>>,
-) -> PyResult<Vec<ColouredPoint>> {
+) -> PyResult<Vec<([f64; 3], [f32; 3])>> {
     let of = |name: &str, given: Option<&Bound<PyAny>>| {
         given.map_or(Ok(Vec::new()), |given| rows::<3>(name, given, 0..=usize::MAX))
     };
@@ -125,18 +128,30 @@ fn coloured_points(
         return Err(Failure::argument(format!("colours: {found} for {due} points")).into());
     }
     let pairs = points.into_iter().zip(colours);
-    Ok(pairs
-        .map(|(point, colour)| ColouredPoint {
-            position: point.map(|value| value as f32),
-            rgb: colour.map(|value| value as f32),
-        })
-        .collect())
+    Ok(pairs.map(|(point, colour)| (point, colour.map(|value| value as f32))).collect())
+}
+
+/// What coordinates should count from, and views and points that do.
+fn near_zero(
+    mut views: Vec<PosedPicture>,
+    points: Vec<([f64; 3], [f32; 3])>,
+) -> ([f64; 3], Vec<PosedPicture>, Vec<ColouredPoint>) {
+    let cameras = views.iter().map(|view| view.pose.centre().into());
+    let places: Vec<[f64; 3]> = cameras.chain(points.iter().map(|(point, _)| *point)).collect();
+    let origin = origin_of(&places).unwrap_or_default();
+    views.iter_mut().for_each(|view| view.pose = view.pose.relative_to(origin.into()));
+    let coloured = |(point, rgb): ([f64; 3], [f32; 3])| {
+        let position = std::array::from_fn(|axis| (point[axis] - origin[axis]) as f32);
+        ColouredPoint { position, rgb }
+    };
+    (origin, views, points.into_iter().map(coloured).collect())
 }
 
 struct Training {
     mapper: Mapper,
     iterations: u32,
     render: RenderOptions,
+    origin: [f64; 3],
 }
 
 impl Training {
@@ -152,7 +167,7 @@ impl Training {
     }
 
     fn prior(&self) -> Result<Prior, Failure> {
-        let splats = self.mapper.splats()?;
+        let splats = Splats { origin: self.origin, ..self.mapper.splats()? };
         let cameras = self.mapper.views().iter().map(|view| view.camera);
         let views: Vec<_> = cameras.zip(self.mapper.poses().iter().copied()).collect();
         let key_frames = key_frames::of_run(&splats, self.render.near, &views)?;

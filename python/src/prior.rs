@@ -145,16 +145,25 @@ impl PyPrior {
         self.0.report().dropped.iter().map(ToString::to_string).collect()
     }
 
+    /// The world's point that the means of `arrays` count from: not zero if the scene lies far from its coordinates'
+    /// origin. Poses are the world's everywhere. Type: tuple[float, float, float].
+    #[getter]
+    fn origin(&self) -> (f64, f64, f64) {
+        self.0.origin().into()
+    }
+
     /// The poses at which a lost camera is looked for. Type: list[Pose].
     #[getter]
     fn key_frames(&self) -> Vec<PyPose> {
-        self.0.key_frames().poses().iter().copied().map(PyPose).collect()
+        let origin = self.0.origin();
+        self.0.key_frames().poses().iter().map(|pose| PyPose(pose.absolute_from(origin))).collect()
     }
 
     /// The same prior with other key frames. They are no part of its identity. Types: poses: list[Pose | array] |
     /// array. Returns Prior.
     fn with_key_frames(&self, poses: Poses) -> PyResult<PyPrior> {
-        let poses = poses.all().iter().map(|pose| pose.0).collect();
+        let origin = self.0.origin();
+        let poses = poses.all().iter().map(|pose| pose.0.relative_to(origin)).collect();
         let key_frames = KeyFrames::new(poses).map_err(Failure::from)?;
         Ok(PyPrior(Arc::new(self.0.as_ref().clone().with_key_frames(key_frames))))
     }

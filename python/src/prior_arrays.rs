@@ -91,12 +91,14 @@ impl Arrays<'_, '_> {
             let logit = |p: f32| (f64::from(p) / (1.0 - f64::from(p))).ln() as f32;
             opacity_logits.iter_mut().for_each(|opacity| *opacity = logit(*opacity));
         }
-        Ok(Splats { positions, log_scales, rotations, opacity_logits, sh, sh_degree })
+        let origin = [0.0; 3];
+        Ok(Splats { origin, positions, log_scales, rotations, opacity_logits, sh, sh_degree })
     }
 
     /// The prior of these splats, with all else of another one.
     pub fn prior(&self, py: Python, is_raw: bool, like: Option<&Arc<Prior>>) -> PyResult<Prior> {
-        let splats = self.splats(is_raw)?;
+        let mut splats = self.splats(is_raw)?;
+        splats.origin = like.map_or(splats.origin, |like| like.splats().origin);
         let options = like.map_or(RenderOptions::GSPLAT, |like| *like.options());
         let count = splats.len();
         let mut file = PriorFile::new(splats, options, PriorFormat::Memory);

@@ -3,7 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods};
 use nvsprior::render::{Jacobian, Plan, Renderer};
 use nvsprior::tracking::Objective;
-use nvsprior::{Engine, Picture};
+use nvsprior::{Engine, Picture, Pose};
 use pyo3::prelude::*;
 
 use crate::arrays::{array_of_rows, check_out, read_picture, write_picture, wrong_shape};
@@ -26,6 +26,19 @@ struct Drawn {
     picture: Picture,
     /// Made when it is first asked for.
     objective: Option<Objective>,
+}
+
+impl Drawn {
+    /// Draws it from a pose in the world, as floats.
+    fn draw(&mut self, pose: &Pose) -> Result<&[f32], nvsprior::Error> {
+        Ok(self.renderer.draw(&pose.relative_to(self.renderer.scene().origin()))?)
+    }
+
+    /// As [`draw`](Self::draw), into `picture`.
+    fn picture(&mut self, pose: &Pose) -> Result<(), nvsprior::Error> {
+        let pose = pose.relative_to(self.renderer.scene().origin());
+        Ok(self.renderer.picture(&pose, &mut self.picture)?)
+    }
 }
 
 /// Floats of a raw pixel.
@@ -86,10 +99,8 @@ impl PyRenderer {
     /// float32 array.
     fn render_raw<'py>(&self, py: Python<'py>, pose: PyPose) -> PyResult<Bound<'py, PyAny>> {
         let camera = self.camera.0;
-        let values = self
-            .handle
-            .enter()?
-            .detached(py, |drawn| Ok(drawn.renderer.draw(&pose.0)?.to_vec()))?;
+        let values =
+            self.handle.enter()?.detached(py, |drawn| Ok(drawn.draw(&pose.0)?.to_vec()))?;
         let size = [camera.height as usize, camera.width as usize, CHANNELS];
         Ok(PyArray1::from_vec(py, values).reshape(size)?.into_any())
     }
@@ -122,7 +133,8 @@ impl PyRenderer {
                 }
             };
             objective.set_frame(&drawn.picture);
-            Ok(objective.evaluate(0, Jacobian::Exact, &pose.0)?)
+            let here = pose.0.relative_to(drawn.renderer.scene().origin());
+            Ok(objective.evaluate(0, Jacobian::Exact, &here)?)
         })?;
         let second = equations.jtj.map(|row| row.map(|v| 2.0 * v / equations.residuals as f64));
         let gradient = PyArray1::from_slice(py, &equations.gradient());
@@ -146,7 +158,7 @@ impl PyRenderer {
         let camera = self.camera.0;
         out.map(|out| check_out("out", out, (camera.width, camera.height))).transpose()?;
         let mut call = self.handle.enter()?;
-        call.detached(py, |drawn| Ok(drawn.renderer.picture(&pose.0, &mut drawn.picture)?))?;
+        call.detached(py, |drawn| Ok(drawn.picture(&pose.0)?))?;
         write_picture(py, &call.picture, out)
     }
 }

@@ -68,6 +68,16 @@ impl Pose {
         Pose { rotation, translation: rotation * -centre }
     }
 
+    /// The pose of points whose coordinates count from `origin`.
+    pub fn relative_to(&self, origin: DVec3) -> Pose {
+        Pose { translation: self.translation + self.rotation * origin, ..*self }
+    }
+
+    /// Undoes [`relative_to`](Self::relative_to).
+    pub fn absolute_from(&self, origin: DVec3) -> Pose {
+        self.relative_to(-origin)
+    }
+
     /// `Exp(τ) ∘ self`, the left perturbation `dp_c = ρ + θ × p_c`.
     pub fn stepped(&self, tau: &Twist) -> Pose {
         Pose::exp(tau).after(self)

@@ -23,10 +23,10 @@ pub struct Besides<'a> {
 }
 
 impl Besides<'_> {
-    /// The file's head, and all its parts but the splats.
-    pub(super) fn file(&self, head: Head) -> Container<'static> {
+    /// The file's head, and all its parts but the splats, which count from `origin`.
+    pub(super) fn file(&self, head: Head, origin: [f64; 3]) -> Container<'static> {
         let mut file = Container::new(head);
-        for (name, content) in covered_parts(self.options, self.frame, self.coder_tables) {
+        for (name, content) in covered_parts(self.options, self.frame, self.coder_tables, origin) {
             file.set(name, content);
         }
         self.extras.put(&mut file);

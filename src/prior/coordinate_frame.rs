@@ -43,29 +43,47 @@ impl CoordinateFrame {
     /// The frame of finite `positions`, of which there is at least one.
     pub(super) fn of(positions: &[[f32; 3]]) -> CoordinateFrame {
         let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
-        let largest = |pick: fn(&Axis) -> f64| axes.iter().map(pick).fold(0.0, f64::max);
-        let spread = [largest(|a| a.median), largest(|a| a.max), 1.0]
-            .into_iter()
+        let spread = spreads(&axes)
             .map(|s| (s as f32).min(f32::MAX))
+            .into_iter()
             .find(|s| *s > 0.0)
             .unwrap_or(1.0);
-        CoordinateFrame { centre: axes.map(|a| a.centre), spread }
+        CoordinateFrame { centre: axes.map(|a| a.centre as f32), spread }
     }
+}
+
+/// What the spread is, the first that is above zero.
+fn spreads(axes: &[Axis; 3]) -> [f64; 3] {
+    let largest = |pick: fn(&Axis) -> f64| axes.iter().map(pick).fold(0.0, f64::max);
+    [largest(|a| a.median), largest(|a| a.max), 1.0]
+}
+
+/// 32-bit numbers so many spreads from zero are further apart than the steps in which packets state cameras.
+const FAR: f64 = 8_388_608.0 / STEPS_PER_UNIT;
+
+/// The point that positions should count from; `None`: zero. It is in whole units, so no digit is lost.
+pub fn origin_of<T: Copy + Into<f64>>(positions: &[[T; 3]]) -> Option<[f64; 3]> {
+    let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
+    let spread = spreads(&axes).into_iter().find(|s| *s > 0.0)?;
+    let centre = axes.map(|a| a.centre);
+    let distance = centre.into_iter().map(f64::abs).fold(0.0, f64::max);
+    let is_far = distance > FAR * spread && centre.iter().all(|v| v.is_finite());
+    is_far.then(|| centre.map(f64::round)).filter(|origin| origin.iter().any(|v| *v != 0.0))
 }
 
 /// One axis: the median, and the median and the largest of the deviations from it.
 struct Axis {
-    centre: f32,
+    centre: f64,
     median: f64,
     max: f64,
 }
 
-fn deviations(positions: &[[f32; 3]], axis: usize) -> Axis {
-    let mut values: Vec<f64> = positions.iter().map(|p| f64::from(p[axis])).collect();
+fn deviations<T: Copy + Into<f64>>(positions: &[[T; 3]], axis: usize) -> Axis {
+    let mut values: Vec<f64> = positions.iter().map(|p| p[axis].into()).collect();
     let centre = lower_median(&mut values);
     values.iter_mut().for_each(|v| *v = (*v - centre).abs());
     let max = values.iter().copied().fold(0.0, f64::max);
-    Axis { centre: centre as f32, median: lower_median(&mut values), max }
+    Axis { centre, median: lower_median(&mut values), max }
 }
 
 /// The median; for an even count the lower of the two middle values. So it is one of the values,

@@ -85,30 +85,3 @@ pub(super) fn read_prior_file(path: &Path) -> std::io::Result<Vec<u8>> {
     }
     Ok(bytes)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::{Prior, RenderOverrides};
-
-    #[test]
-    fn what_people_give_for_a_scene_is_told() {
-        let folder = tempfile::tempdir().unwrap();
-        for (name, content, told) in [
-            (
-                "a.ply",
-                "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 5\n",
-                "git lfs pull",
-            ),
-            ("b.ply", "<!DOCTYPE html><html></html>", "a web page"),
-            ("c.splat", "0123456789012345678901234567890123456789", "a .splat"),
-            ("d.ksplat", "\0\0\0\0", "a .ksplat"),
-            ("e.bin", "0123", "neither a PLY file"),
-            ("f", "", "neither a PLY file"),
-        ] {
-            let path = folder.path().join(name);
-            std::fs::write(&path, content).unwrap();
-            let error = Prior::open(&path, &RenderOverrides::default()).unwrap_err().to_string();
-            assert!(error.contains(name) && error.contains(told), "{error}");
-        }
-    }
-}

@@ -13,6 +13,8 @@ use crate::coder_tables::Tables;
 pub struct PriorFile {
     /// The splats.
     pub splats: Splats,
+    /// Their positions, if the file may hold them finer than [`Splats::positions`].
+    pub exact_positions: Option<Vec<[f64; 3]>>,
     /// Render options by the file, or those usual for its format.
     pub options: RenderOptions,
     /// Neither the file nor its format states the near plane: it follows from the scene's size, at most
@@ -37,6 +39,7 @@ impl PriorFile {
     pub fn new(splats: Splats, options: RenderOptions, format: PriorFormat) -> PriorFile {
         PriorFile {
             splats,
+            exact_positions: None,
             options,
             near_by_size: false,
             format,

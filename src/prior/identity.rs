@@ -20,7 +20,7 @@ pub(super) fn identity_of(
 ) -> PriorId {
     let mut hasher = blake3::Hasher::new();
     hasher.update(START);
-    for (name, content) in covered_parts(options, stated_frame, coder_tables) {
+    for (name, content) in covered_parts(options, stated_frame, coder_tables, splats.origin) {
         if let Some(content) = content {
             hash_start(&mut hasher, name, content.len());
             hasher.update(&content);

@@ -40,7 +40,12 @@ impl KeyFrames {
         Ok(KeyFrames { poses })
     }
 
-    /// The poses.
+    /// Those of a prior whose splats count from `origin`.
+    pub fn relative_to(&self, origin: DVec3) -> KeyFrames {
+        KeyFrames { poses: self.poses.iter().map(|pose| pose.relative_to(origin)).collect() }
+    }
+
+    /// The poses, from the prior's [`origin`](super::Prior::origin).
     pub fn poses(&self) -> &[Pose] {
         &self.poses
     }

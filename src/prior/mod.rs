@@ -42,7 +42,7 @@ mod warning;
 pub use besides::Besides;
 pub use check::Dropped;
 pub use claims::PriorClaims;
-pub use coordinate_frame::CoordinateFrame;
+pub use coordinate_frame::{CoordinateFrame, origin_of};
 pub use error::PriorError;
 pub use extras::Extras;
 pub use fault::{Fault, INFINITE_LOGIT, MAX_COEFFICIENT, MAX_LOG_SCALE};

@@ -15,7 +15,8 @@
 //!    If no comment states the near plane otherwise, it is smaller for a small scene;
 //! 2. a comment `SplatRenderMode: mip` or `antialiased 1` means anti-aliased;
 //! 3. comments `nvsprior near 0.2`, `nvsprior alpha_max 0.99`, `nvsprior antialiased 0` (or 1) and
-//!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options.
+//!    `nvsprior background 0 0 0`, as [`write_ply`] leaves them, replace single options;
+//! 4. `nvsprior origin X Y Z` says what positions and key frames count from: [`Splats::origin`].
 //!
 //! **Key frames** are comments too, one key frame per comment: `nvsprior key_frame qw qx qy qz tx
 //! ty tz`, a world-to-camera pose. **Preprocessing** as well: `nvsprior white_balance gray_world`, and
@@ -30,8 +31,8 @@ use serde_ply::{PlyFormat, PlyReader};
 
 use super::key_frames::words;
 use super::ply_header::{
-    CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, WHITE_BALANCE, check_length, clean,
-    header_of, read_header, rest_properties,
+    CLAHE, COMMENT_PREFIX, Comments, GRAY_WORLD, KEY_FRAME, ORIGIN, WHITE_BALANCE, check_length,
+    clean, header_of, read_header, rest_properties,
 };
 use super::ply_layout::{Layout, REST};
 use super::ply_row::PlyRow;
@@ -57,17 +58,23 @@ pub fn read_ply(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let mut layout = Layout::of(&header)?;
     check_length(&header, layout.element, body, bytes.len())?;
     let comments = Comments::of(header.comments)?;
-    let splats = read_splats(bytes, header.format, &layout)?;
+    let (splats, exact) = read_splats(bytes, header.format, &layout)?;
     let format = match header.format {
         PlyFormat::Ascii => PriorFormat::PlyAscii,
         PlyFormat::BinaryLittleEndian => PriorFormat::PlyLittleEndian,
         PlyFormat::BinaryBigEndian => PriorFormat::PlyBigEndian,
     };
     let warnings = std::mem::take(&mut layout.warnings);
-    Ok(PriorFile { warnings, ..comments.file(splats, format) })
+    let exact_positions = layout.is_double.then_some(exact);
+    Ok(PriorFile { warnings, exact_positions, ..comments.file(splats, format) })
 }
 
-fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splats, PriorError> {
+/// The splats, and their positions as they stand there if they are doubles.
+fn read_splats(
+    bytes: &[u8],
+    format: PlyFormat,
+    layout: &Layout,
+) -> Result<(Splats, Vec<[f64; 3]>), PriorError> {
     let bytes = &match format {
         PlyFormat::Ascii => common_numbers(bytes),
         _ => Cow::Borrowed(bytes),
@@ -76,7 +83,7 @@ fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splat
     // The reader needs white space after every number of a text, also after the last one.
     let tail: &[u8] = if format == PlyFormat::Ascii { b"\n" } else { b"" };
     let splats = Splats::with_capacity(layout.count, layout.sh_degree);
-    let mut sink = SplatSink { splats, layout };
+    let mut sink = SplatSink { splats, exact: Vec::new(), layout };
     let mut reader = PlyReader::from_reader((&mut cursor).chain(tail))
         .map_err(|e| PriorError::Header { reason: e.0.to_string() })?;
     let read = read_elements(&mut reader, layout, &mut sink);
@@ -86,7 +93,7 @@ fn read_splats(bytes: &[u8], format: PlyFormat, layout: &Layout) -> Result<Splat
         offset: cursor.position(),
         reason: e.0.to_string(),
     })?;
-    Ok(sink.splats)
+    Ok((sink.splats, sink.exact))
 }
 
 /// A text whose numbers are written as every reader knows them: Microsoft's compilers print `-nan(ind)` and `1.#QNAN`.
@@ -166,6 +173,8 @@ impl<'de> DeserializeSeed<'de> for SkipRow {
 /// Collects splats row by row.
 struct SplatSink<'a> {
     splats: Splats,
+    /// Positions, if they are doubles.
+    exact: Vec<[f64; 3]>,
     layout: &'a Layout,
 }
 
@@ -188,6 +197,9 @@ impl<'de> Visitor<'de> for &mut SplatSink<'_> {
         // A value that does not fit an f32 becomes infinite, and the check that follows drops its splat.
         while let Some(values) = rows.next_element_seed(PlyRow::new(self.layout.properties()))? {
             self.layout.push(&mut self.splats, &values);
+            if self.layout.is_double {
+                self.exact.push([values[0], values[1], values[2]]);
+            }
         }
         Ok(())
     }
@@ -255,6 +267,10 @@ fn header_text(
     let comments: String = options
         .into_iter()
         .chain(trained_focal.map(|focal| format!("trained_focal {focal}")))
+        .chain((splats.origin != [0.0; 3]).then(|| {
+            let [x, y, z] = splats.origin;
+            format!("{ORIGIN} {x} {y} {z}")
+        }))
         .chain(preprocessing_comments(preprocessing))
         .chain(key_frames)
         .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))

@@ -17,6 +17,9 @@ pub const COMMENT_PREFIX: &str = "nvsprior";
 /// Second word of those that hold key frames.
 pub const KEY_FRAME: &str = "key_frame";
 
+/// Second word of the one that holds what positions count from.
+pub const ORIGIN: &str = "origin";
+
 /// Second words of those that hold the preprocessing, and the one white balance.
 pub const WHITE_BALANCE: &str = "white_balance";
 pub const GRAY_WORLD: &str = "gray_world";
@@ -104,6 +107,8 @@ pub struct Comments {
     pub options: RenderOptions,
     /// None states the near plane.
     pub near_by_size: bool,
+    /// What the positions of splats and key frames count from.
+    pub origin: [f64; 3],
     pub preprocessing: Preprocessing,
     pub key_frames: KeyFrames,
     /// Those that are no key frames.
@@ -117,6 +122,7 @@ impl Comments {
         options.antialiased = comments.iter().any(|comment| states_mip(comment));
         let mut near_by_size = !gsplat;
         let mut preprocessing = Preprocessing::NONE;
+        let mut origin = [0.0; 3];
         let (mut poses, mut others) = (Vec::new(), Vec::new());
         for comment in comments {
             let words: Vec<&str> = comment.split_whitespace().collect();
@@ -131,6 +137,7 @@ impl Comments {
                     }
                     Err(_) => None,
                 },
+                [COMMENT_PREFIX, ORIGIN, x, y, z] => place(x, y, z).map(|found| origin = found),
                 [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest)
                     .or_else(|| set_preprocessing(&mut preprocessing, rest)),
                 _ => Some(()),
@@ -141,12 +148,14 @@ impl Comments {
             }
         }
         let key_frames = KeyFrames::new(poses)?;
-        Ok(Comments { options, near_by_size, preprocessing, key_frames, others })
+        Ok(Comments { options, near_by_size, origin, preprocessing, key_frames, others })
     }
 
     /// The file of these comments and splats.
     pub fn file(self, splats: Splats, format: PriorFormat) -> PriorFile {
-        let Comments { options, near_by_size, preprocessing, key_frames, others: comments } = self;
+        let Comments { options, near_by_size, origin, .. } = self;
+        let Comments { preprocessing, key_frames, others: comments, .. } = self;
+        let splats = Splats { origin, ..splats };
         let extras = Extras { key_frames, preprocessing, ..Extras::default() };
         PriorFile { comments, extras, near_by_size, ..PriorFile::new(splats, options, format) }
     }
@@ -162,6 +171,12 @@ fn states_mip(comment: &str) -> bool {
         (Some("antialiased"), Some(value), None) => matches!(value, "1" | "true"),
         _ => false,
     }
+}
+
+/// A point by its finite coordinates.
+fn place(x: &str, y: &str, z: &str) -> Option<[f64; 3]> {
+    let point = [x.parse().ok()?, y.parse().ok()?, z.parse().ok()?];
+    point.iter().all(|v: &f64| v.is_finite()).then_some(point)
 }
 
 /// Sets the option that the words name; `None` if they name no option.

@@ -49,6 +49,8 @@ pub struct Layout {
     rgb: Option<f64>,
     /// `filter_3D`, of Mip-Splatting: each splat's smoothing, to be merged into scales and opacity.
     is_filtered: bool,
+    /// Positions are 64-bit numbers.
+    pub is_double: bool,
     pub warnings: Vec<PriorWarning>,
 }
 
@@ -85,6 +87,7 @@ impl Layout {
             is_flat: has("scale_1") && !has("scale_2"),
             rgb: (!has("f_dc_0") && has("red")).then(|| largest(vertex, "red")),
             is_filtered: has("filter_3D"),
+            is_double: is_of(vertex, "x", ScalarType::F64),
             warnings,
         };
         layout.properties().iter().try_for_each(|name| check_property(vertex, name))?;
@@ -102,7 +105,8 @@ impl Layout {
     }
 
     /// Appends a splat given by the values of [`Layout::properties`].
-    pub fn push(&self, splats: &mut Splats, values: &[f32; MOST]) {
+    pub fn push(&self, splats: &mut Splats, values: &[f64; MOST]) {
+        let values = values.map(|v| v as f32);
         let scales = if self.is_flat { 2 } else { 3 };
         let (place, values) = values.split_at(3);
         let (scale, values) = values.split_at(scales);
@@ -168,9 +172,12 @@ const fn append(
 
 /// The value of full colour: 255 if it stands in a byte, else 1.
 fn largest(vertex: &ElementDef, name: &str) -> f64 {
-    let mut named = vertex.properties.iter().filter(|p| p.name == name);
-    let is_byte = |kind: &PropertyType| matches!(kind, PropertyType::Scalar(ScalarType::U8));
-    if named.any(|p| is_byte(&p.property_type)) { 255.0 } else { 1.0 }
+    if is_of(vertex, name, ScalarType::U8) { 255.0 } else { 1.0 }
+}
+
+fn is_of(vertex: &ElementDef, name: &str, scalar: ScalarType) -> bool {
+    let is = |kind: &PropertyType| matches!(kind, PropertyType::Scalar(own) if *own == scalar);
+    vertex.properties.iter().any(|p| p.name == name && is(&p.property_type))
 }
 
 /// Logarithmic scales and opacity of a splat smoothed by a Gaussian of standard deviation `filter`: Mip-Splatting (Yu

@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::besides::Besides;
 use super::check::{clamp_logits, drop_invalid, flatten};
-use super::coordinate_frame::CoordinateFrame;
+use super::coordinate_frame::{CoordinateFrame, origin_of};
 use super::error::PriorError;
 use super::extras::Extras;
 use super::extras_file;
@@ -122,7 +124,8 @@ impl Prior {
         Prior::build(PriorFile::new(splats, options, PriorFormat::Memory))
     }
 
-    fn build(file: PriorFile) -> Result<Prior, PriorError> {
+    fn build(mut file: PriorFile) -> Result<Prior, PriorError> {
+        let moved = moved(&mut file);
         let PriorFile { mut splats, mut options, format, comments, coder_tables, extras, .. } =
             file;
         options.check()?;
@@ -136,6 +139,7 @@ impl Prior {
         }
         let clamped_logits = clamp_logits(&mut splats);
         let mut warnings = file.warnings;
+        warnings.extend(moved);
         warnings
             .extend(Some(flatten(&mut splats)).filter(|flat| *flat > 0).map(PriorWarning::Flat));
         let dropped = drop_invalid(&mut splats);
@@ -227,6 +231,13 @@ impl Prior {
         &self.splats
     }
 
+    /// The world's point that positions of splats and key frames count from: zero, unless the scene lies far from its
+    /// coordinates' origin. Encoders and decoders take and give poses in the world; renderers take them from here
+    /// ([`Pose::relative_to`](crate::Pose::relative_to)).
+    pub fn origin(&self) -> DVec3 {
+        self.splats.origin.into()
+    }
+
     /// How to render it.
     pub fn options(&self) -> &RenderOptions {
         &self.options
@@ -281,4 +292,25 @@ impl Prior {
     pub fn report(&self) -> &LoadReport {
         &self.report
     }
+}
+
+/// Has the splats of a foreign file count from a point near to them, if they lie far from zero. Returns what its user
+/// should know.
+fn moved(file: &mut PriorFile) -> Option<PriorWarning> {
+    let exact = file.exact_positions.take();
+    let is_read = !file.format.is_own() && file.format != PriorFormat::Memory;
+    if !is_read || file.splats.origin != [0.0; 3] || file.splats.is_empty() {
+        return None;
+    }
+    let origin = match &exact {
+        Some(exact) => origin_of(exact),
+        None => origin_of(&file.splats.positions),
+    }?;
+    let exact = exact.unwrap_or_else(|| file.splats.positions_from_zero());
+    let is_coarse = exact.iter().flatten().all(|v| f64::from(*v as f32) == *v || !v.is_finite());
+    file.splats.place(origin, &exact);
+    file.extras.key_frames = file.extras.key_frames.relative_to(origin.into());
+    let farthest = origin.into_iter().map(f64::abs).fold(0.0, f64::max) as f32;
+    let coarse = is_coarse.then(|| f64::from(farthest.next_up() - farthest));
+    Some(PriorWarning::Moved { origin, coarse })
 }

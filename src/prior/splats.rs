@@ -6,7 +6,10 @@ use super::limits::MAX_SH_DEGREE;
 /// Trained parameters of all splats, as files hold them: scales as logarithms, opacities as logits.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
-    /// Means, world axes, the prior's unit.
+    /// The world's point that [`positions`](Self::positions) count from: not zero if the scene lies so far from its
+    /// coordinates' origin that 32-bit numbers are too coarse there.
+    pub origin: [f64; 3],
+    /// Means, from `origin`, world axes, the prior's unit.
     pub positions: Vec<[f32; 3]>,
     /// Natural logarithms of the standard deviations along the splat's own axes.
     pub log_scales: Vec<[f32; 3]>,
@@ -71,6 +74,7 @@ impl Splats {
     pub fn filtered(&self, kept: &[bool]) -> Splats {
         assert_eq!(kept.len(), self.len(), "one entry per splat");
         Splats {
+            origin: self.origin,
             positions: pick(&self.positions, kept, 1),
             log_scales: pick(&self.log_scales, kept, 1),
             rotations: pick(&self.rotations, kept, 1),
@@ -84,6 +88,7 @@ impl Splats {
     pub(super) fn picked(&self, which: &[u32], degree: u32) -> Splats {
         let sh_degree = degree.min(self.sh_degree);
         let mut splats = Splats::with_capacity(which.len(), sh_degree);
+        splats.origin = self.origin;
         let own = splats.sh_stride();
         for index in which.iter().map(|index| *index as usize) {
             splats.positions.push(self.positions[index]);
@@ -95,17 +100,35 @@ impl Splats {
         splats
     }
 
-    /// Moves other splats behind these.
+    /// Moves other splats behind these, whose origin they get.
     ///
     /// # Panics
     /// If they have another degree.
     pub fn append(&mut self, other: &mut Splats) {
         assert_eq!(self.sh_degree, other.sh_degree, "degree");
+        if other.origin != self.origin {
+            let exact = other.positions_from_zero();
+            other.place(self.origin, &exact);
+        }
         self.positions.append(&mut other.positions);
         self.log_scales.append(&mut other.log_scales);
         self.rotations.append(&mut other.rotations);
         self.opacity_logits.append(&mut other.opacity_logits);
         self.sh.append(&mut other.sh);
+    }
+
+    /// Has the positions, which count from zero here, count from `origin`.
+    pub(super) fn place(&mut self, origin: [f64; 3], exact: &[[f64; 3]]) {
+        self.origin = origin;
+        let from = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - origin[axis]) as f32);
+        self.positions = exact.iter().map(from).collect();
+    }
+
+    /// The positions in the world.
+    pub(super) fn positions_from_zero(&self) -> Vec<[f64; 3]> {
+        let from =
+            |p: &[f32; 3]| std::array::from_fn(|axis| f64::from(p[axis]) + self.origin[axis]);
+        self.positions.iter().map(from).collect()
     }
 
     /// The splats without the spherical harmonics above a degree.

@@ -23,6 +23,13 @@ pub enum PriorWarning {
         /// What they look like.
         looks_like: &'static str,
     },
+    /// The scene lies far from the origin of its coordinates. Its splats count from another one.
+    Moved {
+        /// The new one.
+        origin: [f64; 3],
+        /// How far 32-bit numbers are apart there, if the file's positions are no finer.
+        coarse: Option<f64>,
+    },
     /// A file in the prior's folder holds its key frames and other extras, under another name than the prior's.
     Misnamed {
         /// Its name.
@@ -51,6 +58,20 @@ impl fmt::Display for PriorWarning {
                     f,
                     "{what} were read as {taken_for}: check the picture, and save the scene anew"
                 )
+            }
+            PriorWarning::Moved { origin: [x, y, z], coarse } => {
+                write!(
+                    f,
+                    "the scene lies far from the origin of its coordinates: its splats count from {x}, {y}, {z}; poses \
+                     are still the file's"
+                )?;
+                coarse.map_or(Ok(()), |step| {
+                    write!(
+                        f,
+                        ". Its positions are rounded to 32 bits, which are {step} apart there: have them written as \
+                         doubles, or trained near the origin"
+                    )
+                })
             }
             PriorWarning::Misnamed { found, due } => write!(
                 f,

@@ -25,6 +25,7 @@ pub struct Scene {
     analysis: PriorAnalysis,
     id: PriorId,
     frame: CoordinateFrame,
+    origin: DVec3,
     key_frames: KeyFrames,
     coder_tables: Arc<Tables>,
     filter_weights: Option<Arc<FilterWeights>>,
@@ -62,6 +63,7 @@ impl Scene {
             analysis,
             id: prior.id(),
             frame: prior.coordinate_frame(),
+            origin: prior.origin(),
             key_frames: prior.key_frames().clone(),
             coder_tables: prior.coder_tables().cloned().unwrap_or_else(generic_tables),
             filter_weights: prior.filter_weights().cloned(),
@@ -98,6 +100,7 @@ impl Scene {
             ),
             id: blocked.id(),
             frame: blocked.coordinate_frame(),
+            origin: blocked.origin(),
             key_frames: blocked.extras().key_frames.clone(),
             coder_tables: tables.unwrap_or_else(generic_tables),
             filter_weights: blocked.extras().filter_weights.clone(),
@@ -130,6 +133,11 @@ impl Scene {
     /// Identity of the prior.
     pub fn id(&self) -> PriorId {
         self.id
+    }
+
+    /// As [`Prior::origin`].
+    pub fn origin(&self) -> DVec3 {
+        self.origin
     }
 
     /// The point that the device's positions are relative to. So f32 tells points apart even if the

@@ -1,5 +1,7 @@
 //! What is known of a frame from outside: a pose from sensors or an estimator, and when it was taken.
 
+use glam::DVec3;
+
 use crate::{Error, Pose};
 
 /// Covariance of a left step `τ = (ρ, θ)`, row by row: ρ in the prior's unit, θ in radians.
@@ -92,6 +94,14 @@ impl FrameInfo {
             }
             _ => Ok(()),
         }
+    }
+}
+
+impl FrameInfo {
+    /// As of a scene whose coordinates count from `origin`.
+    pub(crate) fn relative_to(&self, origin: DVec3) -> FrameInfo {
+        let moved = |hint: Hint| Hint { pose: hint.pose.relative_to(origin), ..hint };
+        FrameInfo { hint: self.hint.map(moved), ..*self }
     }
 }
 

@@ -48,6 +48,7 @@ programs! {
     allocations: [];
     soak: ["200"];
     float_environment: [];
+    small_stack: [];
 }
 
 /// `make c-test` sends 10,500 packets; this, 400.

@@ -22,6 +22,8 @@ pub fn vectors() -> Vec<Vector> {
         full(&packed),
         full(&blocked),
         with_part(&packed, b"later\0\0\0", 0),
+        far(),
+        far_exact(),
     ];
     let bad = [bad_parts(&packed), bad_contents(&packed, &tables), bad_blocks(&blocked)].concat();
     vec![
@@ -33,6 +35,31 @@ pub fn vectors() -> Vec<Vector> {
 /// A prior whose splats are kept as they are.
 fn exact() -> Vec<u8> {
     let (prior, mut bytes) = (dive::odd_prior(), Vec::new());
+    compact::write_exact(prior.splats(), &prior.besides(), &mut bytes).unwrap();
+    bytes
+}
+
+/// A PLY file of doubles far from the origin of its coordinates.
+fn far() -> Vec<u8> {
+    let names =
+        "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let properties = names.split(' ').map(|name| format!("property double {name}\n"));
+    let row = |i: u32| {
+        let along = f64::from(i);
+        let [x, y, z] =
+            [512_345.25 + 0.1 * along, 5_932_101.5 - 0.3 * along, -37.125 + 0.7 * along];
+        format!("{x} {y} {z} 0.5 -0.25 0.125 2 -2 -3 -4 1 0.5 0 {along}\n")
+    };
+    let head = "ply\nformat ascii 1.0\nelement vertex 9\n".to_owned();
+    let parts = [head].into_iter().chain(properties).chain(["end_header\n".to_owned()]);
+    parts.chain((0..9).map(row)).collect::<String>().into_bytes()
+}
+
+/// The same as a file of our own, which states the origin.
+fn far_exact() -> Vec<u8> {
+    let prior = Prior::from_bytes(&far(), "vector", &Default::default()).unwrap();
+    assert_ne!(prior.origin(), Default::default());
+    let mut bytes = Vec::new();
     compact::write_exact(prior.splats(), &prior.besides(), &mut bytes).unwrap();
     bytes
 }

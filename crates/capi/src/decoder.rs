@@ -556,7 +556,11 @@ fn header_of(parsed: &Parsed, prior: Option<PriorContent>) -> nvsp_decoded {
     let is_own = |id| session.is_none_or(|session| session.prior == id);
     let scene = prior.map(|prior| prior.scene).filter(|scene| is_own(scene.id()));
     let unit = scene.as_ref().map(|scene| scene.coordinate_frame().unit());
-    let pose = scene.map(|scene| latent.pose.dequantise(&scene.coordinate_frame()));
+    let in_world = |scene: Arc<nvsprior::render::Scene>| {
+        let pose = latent.pose.dequantise(&scene.coordinate_frame());
+        pose.absolute_from(scene.origin())
+    };
+    let pose = scene.map(in_world);
     let known = unit.and_then(|unit| latent.known.map(|bound| bound.of_unit(unit)));
     let size = session.map_or((0, 0), |session| (session.camera.width, session.camera.height));
     nvsp_decoded {

@@ -11,6 +11,7 @@ use nvsprior::QueueError;
 use nvsprior::parts::FloatEnvironment;
 
 use super::log::{Log, NVSP_LOG_ERROR};
+use super::stack::with_room;
 use super::status::*;
 
 /// What an opaque handle points to: its content for one thread at a time, and its failures. The types of the header are
@@ -352,18 +353,18 @@ pub unsafe extern "C" fn nvsp_cancel(handle: *mut c_void) -> nvsp_status {
 /// - `handle`: a live handle, which no thread uses. NULL: nothing is done.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn nvsp_destroy(handle: *mut c_void) {
-    let _environment = FloatEnvironment::enter();
     // There is nobody left to report a panic while dropping.
-    let _ = catch_unwind(AssertUnwindSafe(|| {
+    let _ = caught(|| {
         // SAFETY: a live handle, see `# Safety`.
-        let Some(handle) = (unsafe { any(handle) }) else { return };
+        let Some(handle) = (unsafe { any(handle) }) else { return Ok(()) };
         // SAFETY: as before.
         if unsafe { (*handle).is_lent() } {
-            return;
+            return Ok(());
         }
         // SAFETY: `Handle::boxed` made the box, as it is not lent, and nobody uses it afterwards, see `# Safety`.
         unsafe { Box::from_raw(handle) }.end();
-    }));
+        Ok(())
+    });
 }
 
 /// Locks what calls and the library's threads share. Fails if a thread panicked while it had the lock.
@@ -392,7 +393,12 @@ pub(super) fn fence(body: impl FnOnce() -> Result<nvsp_status, Failure>) -> nvsp
 
 fn caught<T>(body: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     let _environment = FloatEnvironment::enter();
-    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|_| {
+    let (mut body, mut done) = (Some(body), None);
+    with_room(&mut || {
+        let body = AssertUnwindSafe(|| body.take().map(|body| body()));
+        done = catch_unwind(body).unwrap_or(None);
+    })?;
+    done.unwrap_or_else(|| {
         Err(Failure::at(NVSP_ERR_INTERNAL, "please report it, and destroy the handle"))
     })
 }

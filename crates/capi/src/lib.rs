@@ -25,6 +25,7 @@ mod memory;
 mod modifier;
 mod prior;
 mod slices;
+mod stack;
 mod statistics;
 mod status;
 mod structs;

@@ -39,6 +39,7 @@ pub struct Block {
 pub struct BlockedHead {
     pub sh_degree: u32,
     pub options: RenderOptions,
+    pub origin: [f64; 3],
     pub clamps_alpha: bool,
     pub splats: usize,
     pub id: PriorId,
@@ -72,7 +73,7 @@ impl BlockedHead {
     /// Reads and checks the head of a file of `size` bytes. `bytes` reach to its end, or further.
     pub fn read(bytes: &[u8], size: u64) -> Result<BlockedHead, PriorError> {
         let file = Container::read(bytes, Format::Blocked)?;
-        let Covered { options, frame, coder_tables } = Covered::read(&file)?;
+        let Covered { options, frame, coder_tables, origin } = Covered::read(&file)?;
         let no_frame = PriorError::Content {
             format: Format::Blocked.text(),
             reason: "no coordinate frame".into(),
@@ -89,6 +90,7 @@ impl BlockedHead {
         Ok(BlockedHead {
             sh_degree: file.head.sh_degree,
             options,
+            origin,
             clamps_alpha,
             splats,
             id: file.head.id,

@@ -13,6 +13,8 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
+
 use super::check::fault_of;
 use super::compact::Coded;
 use super::container::{Format, Head};
@@ -96,6 +98,11 @@ impl BlockedPrior {
         self.head.frame
     }
 
+    /// As [`Prior::origin`](super::Prior::origin).
+    pub fn origin(&self) -> DVec3 {
+        self.head.origin.into()
+    }
+
     /// The median, over blocks, of the longest side of their boxes, the prior's unit.
     pub fn typical_edge(&self) -> f64 {
         head::typical_edge(&self.head.blocks)
@@ -132,7 +139,8 @@ impl BlockedPrior {
 /// Reads a blocked prior whole. Memory depends on the content's size, as for a compact prior.
 pub(super) fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let head = BlockedHead::read(bytes, bytes.len() as u64)?;
-    let mut splats = Splats { sh_degree: head.sh_degree, ..Splats::default() };
+    let (sh_degree, origin) = (head.sh_degree, head.origin);
+    let mut splats = Splats { sh_degree, origin, ..Splats::default() };
     for (index, block) in head.blocks.iter().enumerate() {
         let own = &bytes[block.offset as usize..][..block.bytes as usize];
         splats.append(&mut head.splats_of(index, own)?);
@@ -161,6 +169,7 @@ impl BlockedHead {
             }
             let (at, count) = (block.offset as usize, block.splats as usize);
             let splats = Coded::read(bytes, at, count, self.sh_degree)?.splats();
+            let splats = Splats { origin: self.origin, ..splats };
             match self.lies(block, &splats) {
                 Some(reason) => Err(head::refusal(at, reason.into())),
                 None => Ok(splats),

@@ -84,7 +84,8 @@ impl BlockedWriter {
         let id = identity_of(&kept, options, Some(&frame), besides.coder_tables);
         let extras = besides.extras.reordered(&order);
         let besides = Besides { frame: Some(&frame), extras: &extras, ..*besides };
-        let mut file = besides.file(Head::new(Format::Blocked, kept.sh_degree, kept.len(), id));
+        let head = Head::new(Format::Blocked, kept.sh_degree, kept.len(), id);
+        let mut file = besides.file(head, kept.origin);
         let clamps_alpha = (0..kept.len()).any(|index| is_clamped(&kept, index, options));
         let radius = frame.radius_of(&kept.positions);
         file.set(PartName::BLOCKS, Some(blocks_to_bytes(radius, clamps_alpha, &blocks)));
@@ -126,14 +127,15 @@ impl Coding {
             shown.push(0);
         }
         let mut coding = Coding {
-            kept: Splats { sh_degree, ..Splats::default() },
+            kept: Splats { sh_degree, origin: splats.origin, ..Splats::default() },
             order: Vec::new(),
             blocks: Vec::new(),
             bytes: Vec::new(),
         };
         for which in divide(splats, shown, most) {
             let (coded, places) = Coded::of(&splats.picked(&which, sh_degree), quantisation)?;
-            let (mut own, bytes) = (coded.splats(), coded.to_bytes()?);
+            let mut own = Splats { origin: splats.origin, ..coded.splats() };
+            let bytes = coded.to_bytes()?;
             coding.blocks.push(Block::of(&own, &bytes));
             coding.kept.append(&mut own);
             coding.order.extend(places.iter().map(|place| which[*place as usize]));

@@ -58,7 +58,8 @@ pub fn write(
     let (coded, order) = Coded::of(splats, quantisation)?;
     let extras = besides.extras.reordered(&order);
     let besides = Besides { extras: &extras, ..*besides };
-    finish(&coded.splats(), &besides, PartName::SPLATS, coded.to_bytes()?, writer)
+    let kept = Splats { origin: splats.origin, ..coded.splats() };
+    finish(&kept, &besides, PartName::SPLATS, coded.to_bytes()?, writer)
 }
 
 /// Writes a prior with its splats as they are, so that picture and identity stay.
@@ -83,7 +84,8 @@ fn finish(
     mut writer: impl Write,
 ) -> Result<PriorId, PriorError> {
     let id = identity_of(splats, besides.options, besides.frame, besides.coder_tables);
-    let mut file = besides.file(Head::new(Format::Compact, splats.sh_degree, splats.len(), id));
+    let head = Head::new(Format::Compact, splats.sh_degree, splats.len(), id);
+    let mut file = besides.file(head, splats.origin);
     file.set(name, Some(content));
     let written = writer.write_all(&file.to_bytes()).and_then(|()| writer.flush());
     written.map_err(PriorError::Write)?;
@@ -98,14 +100,15 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
         let reason = "more bytes than parts".into();
         return Err(Format::Compact.refusal(file.head.end as usize, reason));
     }
-    let Covered { options, frame, coder_tables } = Covered::read(&file)?;
+    let Covered { options, frame, coder_tables, origin } = Covered::read(&file)?;
     let (degree, count) = (file.head.sh_degree, file.head.splats as usize);
     let exact = |content: &[u8], at| exact::read(content, at, count, degree);
     let coded = |content: &[u8], at| Ok(Coded::read(content, at, count, degree)?.splats());
-    let splats = match file.read_part(PartName::EXACT, exact)? {
+    let mut splats = match file.read_part(PartName::EXACT, exact)? {
         Some(splats) => splats,
         None => file.required(PartName::SPLATS)?.read_content(coded)?,
     };
+    splats.origin = origin;
     let found = identity_of(&splats, &options, frame.as_ref(), coder_tables.as_ref());
     if found != file.head.id {
         return Err(PriorError::Identity { stated: file.head.id, found });

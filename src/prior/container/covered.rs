@@ -12,6 +12,8 @@ pub struct Covered {
     pub options: RenderOptions,
     pub frame: Option<CoordinateFrame>,
     pub coder_tables: Option<Tables>,
+    /// What the splats' positions count from.
+    pub origin: [f64; 3],
 }
 
 impl Covered {
@@ -20,7 +22,8 @@ impl Covered {
         let options = file.required(PartName::OPTIONS)?.read_content(options::read)?;
         let frame = file.read_part(PartName::FRAME, frame::read)?;
         let coder_tables = file.read_part(PartName::TABLES, tables::read)?;
-        Ok(Covered { options, frame, coder_tables })
+        let origin = file.read_part(PartName::ORIGIN, frame::read_origin)?.unwrap_or_default();
+        Ok(Covered { options, frame, coder_tables, origin })
     }
 }
 
@@ -29,10 +32,16 @@ pub fn covered_parts(
     options: &RenderOptions,
     frame: Option<&CoordinateFrame>,
     coder_tables: Option<&Tables>,
-) -> [(PartName, Option<Vec<u8>>); 3] {
+    origin: [f64; 3],
+) -> [(PartName, Option<Vec<u8>>); 4] {
+    let is_moved = origin != [0.0; 3];
     [
         (PartName::OPTIONS, Some(options::to_bytes(options))),
         (PartName::FRAME, frame.map(frame::to_bytes)),
         (PartName::TABLES, coder_tables.map(Tables::write)),
+        (
+            PartName::ORIGIN,
+            is_moved.then(|| origin.into_iter().flat_map(f64::to_le_bytes).collect()),
+        ),
     ]
 }

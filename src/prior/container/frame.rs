@@ -1,4 +1,4 @@
-//! The part of a stated coordinate frame.
+//! The parts of a stated coordinate frame, and of the origin of the positions.
 
 use super::super::{CoordinateFrame, PriorError};
 use super::words::{Words, refusal};
@@ -17,4 +17,12 @@ pub fn read(content: &[u8], at: usize) -> Result<CoordinateFrame, PriorError> {
     let sound = centre.iter().all(|v| v.is_finite()) && spread > 0.0 && spread.is_finite();
     let frame = CoordinateFrame { centre, spread };
     sound.then_some(frame).ok_or_else(|| refusal(FORMAT, at, "no place and size of a prior"))
+}
+
+pub fn read_origin(content: &[u8], at: usize) -> Result<[f64; 3], PriorError> {
+    let mut words = Words::new(content, at);
+    let origin = words.doubles::<3>()?;
+    words.end("origin")?;
+    let sound = origin.iter().all(|v| v.is_finite()) && origin != [0.0; 3];
+    sound.then_some(origin).ok_or_else(|| refusal("origin", at, "no place away from zero"))
 }

@@ -26,23 +26,17 @@ pub fn to_bytes(lens: &Lens) -> Vec<u8> {
 pub fn read(content: &[u8], at: usize) -> Result<Lens, PriorError> {
     let mut words = Words::new(content, at);
     let (width, height) = (words.word()?, words.word()?);
-    let [fx, fy, cx, cy] = doubles(&mut words)?;
+    let [fx, fy, cx, cy] = words.doubles()?;
     let (offset, model) = (words.at(), words.byte()?);
     let distortion = match model {
         NONE => Distortion::None,
-        BROWN => Distortion::Brown(doubles(&mut words)?),
-        FISHEYE => Distortion::Fisheye(doubles(&mut words)?),
+        BROWN => Distortion::Brown(words.doubles()?),
+        FISHEYE => Distortion::Fisheye(words.doubles()?),
         other => return Err(refusal(FORMAT, offset, format!("a distortion {other}"))),
     };
     words.end(FORMAT)?;
     let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
     Lens::new(intrinsics, distortion).map_err(|error| refusal(FORMAT, at, error))
-}
-
-fn doubles<const N: usize>(words: &mut Words) -> Result<[f64; N], PriorError> {
-    let mut doubles = [0.0; N];
-    doubles.iter_mut().try_for_each(|double| words.double().map(|value| *double = value))?;
-    Ok(doubles)
 }
 
 #[cfg(test)]

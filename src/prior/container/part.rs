@@ -31,6 +31,8 @@ impl PartName {
     pub const FRAME: PartName = PartName::covered("frame");
     /// Coder tables.
     pub const TABLES: PartName = PartName::covered("tables");
+    /// The point that positions count from, if it is not zero.
+    pub const ORIGIN: PartName = PartName::covered("origin");
     /// Splats in steps.
     pub const SPLATS: PartName = PartName::covered("splats");
     /// Splats as they are.
@@ -49,9 +51,9 @@ impl PartName {
     pub const RECORD: PartName = PartName::besides("record");
 
     #[rustfmt::skip]
-    const ALL: [PartName; 13] = [
-        Self::OPTIONS, Self::FRAME, Self::TABLES, Self::SPLATS, Self::EXACT, Self::BLOCKS, Self::KEY_FRAMES,
-        Self::PREPROCESSING, Self::LENS, Self::FILTER, Self::DOUBT, Self::POSE_TRIALS,
+    const ALL: [PartName; 14] = [
+        Self::OPTIONS, Self::FRAME, Self::TABLES, Self::ORIGIN, Self::SPLATS, Self::EXACT, Self::BLOCKS,
+        Self::KEY_FRAMES, Self::PREPROCESSING, Self::LENS, Self::FILTER, Self::DOUBT, Self::POSE_TRIALS,
         Self::RECORD,
     ];
 

@@ -51,6 +51,12 @@ impl<'a> Words<'a> {
         Ok(f64::from_le_bytes(self.take()?))
     }
 
+    pub fn doubles<const N: usize>(&mut self) -> Result<[f64; N], PriorError> {
+        let mut doubles = [0.0; N];
+        doubles.iter_mut().try_for_each(|double| self.double().map(|value| *double = value))?;
+        Ok(doubles)
+    }
+
     pub fn floats<const N: usize>(&mut self) -> Result<[f32; N], PriorError> {
         let mut floats = [0.0; N];
         floats.iter_mut().try_for_each(|float| self.float().map(|value| *float = value))?;

@@ -34,6 +34,7 @@ const SHUFFLED: [&str; 14] = [
 /// The splat whose values, by [`SHUFFLED`], are 1 to 14.
 fn shuffled_splat() -> Splats {
     Splats {
+        origin: [0.0; 3],
         positions: vec![[8.0, 7.0, 6.0]],
         log_scales: vec![[14.0, 13.0, 12.0]],
         rotations: vec![[5.0, 4.0, 3.0, 2.0]],

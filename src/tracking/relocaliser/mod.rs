@@ -26,7 +26,7 @@ use descriptor::{Descriptor, distance};
 use features::{Extractor, Feature};
 use landmarks::Landmarks;
 pub use places::{Alike, Places};
-use resection::{Around, Match, Resection, TURNED, absolute, axis, relative};
+use resection::{Around, Match, Resection, TURNED, axis};
 
 /// Most corners of a frame.
 const FEATURES: usize = 1000;
@@ -127,7 +127,7 @@ impl Relocaliser {
             factor: objective.factor(level) as usize,
             camera,
             origin,
-            key_frames: key_frames.iter().map(|pose| relative(pose, origin)).collect(),
+            key_frames: key_frames.iter().map(|pose| pose.relative_to(origin)).collect(),
             depths: Vec::with_capacity(key_frames.len()),
             key_features,
             landmarks: Landmarks::with_room(key_frames.len(), key_features),
@@ -231,7 +231,7 @@ impl Relocaliser {
                 }
                 self.pool(self.ranked[rank].1, alike);
                 if let Some(found) = self.resection.resect(&self.matches, None, None) {
-                    let pose = absolute(&found.pose, self.origin);
+                    let pose = found.pose.absolute_from(self.origin);
                     self.candidates.push(Candidate { pose, features: found.features });
                 }
             }
@@ -260,7 +260,7 @@ impl Relocaliser {
             let reach = TOGETHER * self.depths[index];
             let around = Around { centre: key_frame.centre(), reach, axis: axis(key_frame) };
             if let Some(found) = self.resection.resect(&self.matches, None, Some(&around)) {
-                let (pose, features) = (absolute(&found.pose, self.origin), found.features);
+                let (pose, features) = (found.pose.absolute_from(self.origin), found.features);
                 let at = self.candidates.partition_point(|better| better.features >= features);
                 self.candidates.insert(at, Candidate { pose, features });
                 self.candidates.truncate(COMPARED);
@@ -271,7 +271,7 @@ impl Relocaliser {
 
     /// The key frame that looks most like the frame, or any: a search needs some start.
     pub fn likeliest(&self) -> Option<Pose> {
-        self.likely(0).or_else(|| Some(absolute(self.key_frames.first()?, self.origin)))
+        self.likely(0).or_else(|| Some(self.key_frames.first()?.absolute_from(self.origin)))
     }
 
     /// The key frame of rank `rank` by matches, of those that were compared with the frame; rank 0 has most. After
@@ -279,7 +279,7 @@ impl Relocaliser {
     pub fn likely(&self, rank: usize) -> Option<Pose> {
         let (_, slot) = *self.ranked.get(rank.checked_rem(self.ranked.len())?)?;
         let key_frame = self.votes[slot].0 as usize;
-        Some(absolute(&self.key_frames[key_frame], self.origin))
+        Some(self.key_frames[key_frame].absolute_from(self.origin))
     }
 
     /// Improves a pose with renders at it, at most `max`, as long as each explains more of the frame's corners. `None`
@@ -290,7 +290,7 @@ impl Relocaliser {
         from: &Pose,
         max: usize,
     ) -> Result<Option<Candidate>, Error> {
-        let mut at = relative(from, self.origin);
+        let mut at = from.relative_to(self.origin);
         let mut best: Option<Candidate> = None;
         for _ in 0..max.min(ROUNDS) {
             self.look(objective, &at)?;
@@ -298,7 +298,7 @@ impl Relocaliser {
             let Some(found) = self.resection.resect(&self.matches, Some(at), None) else { break };
             let before = best.map_or(0, |best| best.features);
             if found.features > before {
-                let pose = absolute(&found.pose, self.origin);
+                let pose = found.pose.absolute_from(self.origin);
                 best = Some(Candidate { pose, features: found.features });
                 at = found.pose;
             }
@@ -312,13 +312,13 @@ impl Relocaliser {
 
     /// How many of the frame's corners a pose explains, by what was matched last.
     pub fn explained(&mut self, pose: &Pose) -> u32 {
-        self.resection.count(&self.matches, &relative(pose, self.origin))
+        self.resection.count(&self.matches, &pose.relative_to(self.origin))
     }
 
     /// Renders the prior and takes the corners with their points.
     fn look(&mut self, objective: &mut Objective, pose: &Pose) -> Result<(), Error> {
         let (level, Camera { width, height, fx, fy, cx, cy }) = (self.level, self.camera);
-        let render = objective.renderer().draw_level(level, &absolute(pose, self.origin))?;
+        let render = objective.renderer().draw_level(level, &pose.absolute_from(self.origin))?;
         let pixels = render.chunks_exact(PIXEL as usize);
         for (to, pixel) in self.luma.iter_mut().zip(pixels) {
             *to = luma(&[pixel[0], pixel[1], pixel[2]].map(|v| v.clamp(0.0, 1.0)));

@@ -238,16 +238,6 @@ fn below(random: &mut Random, end: usize) -> usize {
     ((random.bits() >> 32) as usize * end) >> 32
 }
 
-/// The pose of points that are given relative to `origin`.
-pub fn relative(pose: &Pose, origin: DVec3) -> Pose {
-    Pose { translation: pose.translation + pose.rotation * origin, ..*pose }
-}
-
-/// Undoes [`relative`].
-pub fn absolute(pose: &Pose, origin: DVec3) -> Pose {
-    Pose { translation: pose.translation - pose.rotation * origin, ..*pose }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -332,10 +322,10 @@ mod tests {
     fn origins_can_be_moved() {
         let pose = Pose::exp(&[0.5, -1.0, 2.0, 0.3, -2.0, 1.0]);
         let origin = DVec3::new(100.0, -5.0, 2.0);
-        let there = relative(&pose, origin);
+        let there = pose.relative_to(origin);
         let point = DVec3::new(1.0, 2.0, 3.0);
         let (a, b) = (pose.rotation * point + pose.translation, there.rotation * (point - origin));
         assert!((a - (b + there.translation)).length() < 1e-9);
-        assert!((absolute(&there, origin).translation - pose.translation).length() < 1e-9);
+        assert!((there.absolute_from(origin).translation - pose.translation).length() < 1e-9);
     }
 }

@@ -91,7 +91,8 @@ fn given(engine: &Engine, views: &Views) -> anyhow::Result<Same> {
     let mut pictures = 0;
     for view in views {
         let Some(pose) = &view.pose else { continue };
-        match compared.compare(&view.camera, pose).with_context(|| view.name.clone())? {
+        let pose = pose.relative_to(prior.origin());
+        match compared.compare(&view.camera, &pose).with_context(|| view.name.clone())? {
             Ok(count) => pictures += count,
             Err(difference) => return Ok(Err((view.name.clone(), difference))),
         }

@@ -5,6 +5,7 @@ mod study;
 
 use std::path::PathBuf;
 
+use glam::DVec3;
 use nvsprior::Prior;
 use nvsprior::coder_tables::Tables;
 use nvsprior::filter_weights::FilterWeights;
@@ -104,6 +105,8 @@ fn describe(args: &Args, prior: &Prior) {
     row("scales", spread(scales));
     let opacities = splats.opacity_logits.iter().map(|l| 1.0 / (1.0 + (-l).exp())).collect();
     row("opacities", spread(opacities));
+    let DVec3 { x, y, z } = prior.origin();
+    row("origin", format!("{x}, {y}, {z}"));
     let frame = prior.coordinate_frame();
     row("frame", format!("centre {:?}, spread {}", frame.centre, frame.spread));
     row("key frames", key_frames::describe(prior.key_frames()));

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use glam::DVec3;
 use nvsprior::image::Preprocessor;
 use nvsprior::{Camera, Picture, Pose, Prior};
 use nvsprior_train::samples::Margin;
@@ -31,7 +32,7 @@ fn margin(text: &str) -> Result<Margin, String> {
     Ok(Margin { distance, angle: angle.unwrap_or(0.0).to_radians() })
 }
 
-/// One view and, if its file is there, what the camera saw, treated.
+/// One view, its pose as from the prior's origin, and, if its file is there, what the camera saw, treated.
 pub struct PosedFrame {
     pub camera: Camera,
     pub pose: Pose,
@@ -54,21 +55,23 @@ impl MissionArgs {
         let mut preprocessor = Preprocessor::new(prior.preprocessing());
         let file = CameraFile::open(cameras)?;
         let chosen = file.select(self.split.as_deref())?;
-        let views = self.posed_frames(&chosen, &mut preprocessor)?;
+        let origin = prior.origin();
+        let views = self.posed_frames(&chosen, origin, &mut preprocessor)?;
         anyhow::ensure!(!views.is_empty(), "{}: no view has a pose", cameras.display());
         let apart = |view: &&View| self.split.is_some() && view.split != self.split;
         let others: Vec<View> = file.views.iter().filter(apart).cloned().collect();
         let margin = self.margin;
-        let others = self.posed_frames(&others, &mut preprocessor)?;
+        let others = self.posed_frames(&others, origin, &mut preprocessor)?;
         Ok(Mission { margin, views, others })
     }
 
     fn posed_frames(
         &self,
         views: &[View],
+        origin: DVec3,
         preprocessor: &mut Preprocessor,
     ) -> anyhow::Result<Vec<PosedFrame>> {
-        let posed = views.iter().filter_map(|view| Some((view, view.pose?)));
+        let posed = views.iter().filter_map(|view| Some((view, view.pose?.relative_to(origin))));
         posed.map(|(view, pose)| self.posed(view, pose, preprocessor)).collect()
     }
 

@@ -98,7 +98,7 @@ fn draw_many(
     let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
     let bar = progress(poses.len(), "renders");
     for (name, pose) in poses {
-        let picture = to_picture(camera, renderer.draw(pose)?);
+        let picture = to_picture(camera, renderer.draw(&pose.relative_to(scene.origin()))?);
         folder.write_picture(name, &picture)?;
         bar.inc(1);
     }
@@ -115,7 +115,7 @@ fn draw_one(args: &Args, camera: &Camera, pose: &Pose) -> anyhow::Result<()> {
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
     let mut renderer = engine.renderer(&scene, camera, Plan::picture())?;
-    let pixels = renderer.draw(pose)?;
+    let pixels = renderer.draw(&pose.relative_to(scene.origin()))?;
     let picture = to_picture(camera, pixels);
     if let Some(path) = &args.out {
         nvsprior_runs::write_png(path, &picture)?;

@@ -10,8 +10,10 @@ use crate::camera_file::{CameraFileError, PosedFile, with_ending};
 use crate::colmap::{ColmapError, ColmapModel};
 use crate::frame_file::FrameFileError;
 use crate::points::{Point, PointsError, read_points};
+use glam::DVec3;
 pub use input::PosedInput;
 use nvsprior::geometry::{Lens, LensError};
+use nvsprior::prior::origin_of;
 
 /// Posed pictures, and what else is known of their scene.
 #[derive(Clone, Debug)]
@@ -20,6 +22,22 @@ pub struct PosedPictures {
     pub inputs: Vec<PosedInput>,
     /// Points of the scene, if there are any.
     pub points: Option<Vec<Point>>,
+}
+
+impl PosedPictures {
+    /// What coordinates should count from: zero, unless cameras and points lie too far from there for 32-bit numbers.
+    pub fn far_origin(&self) -> DVec3 {
+        let cameras = self.inputs.iter().map(|input| input.pose.centre());
+        let points = self.points.iter().flatten().map(|point| point.position);
+        let places: Vec<[f64; 3]> = cameras.chain(points).map(Into::into).collect();
+        origin_of(&places).unwrap_or_default().into()
+    }
+
+    /// Has coordinates count from another point.
+    pub fn count_from(&mut self, origin: DVec3) {
+        self.inputs.iter_mut().for_each(|input| input.pose = input.pose.relative_to(origin));
+        self.points.iter_mut().flatten().for_each(|point| point.position -= origin);
+    }
 }
 
 /// What to read besides the list of pictures. The default is what the list says of itself.

@@ -1,5 +1,7 @@
 //! Arguments that several measurements share.
 
+use glam::DVec3;
+use nvsprior::render::Scene;
 use nvsprior_inputs::args::numbers;
 use nvsprior_paper::Optimizer;
 
@@ -22,6 +24,17 @@ impl std::str::FromStr for StepArg {
         let values = numbers::<6>(text)?;
         Ok(StepArg(std::array::from_fn(|i| if i < 3 { values[i] } else { values[i].to_radians() })))
     }
+}
+
+/// Refuses a scene that lies far from the origin of its coordinates: the paper's packets state poses in 32 bits.
+pub fn check_origin(scene: &Scene) -> anyhow::Result<()> {
+    let is_near = scene.origin() == DVec3::ZERO;
+    anyhow::ensure!(
+        is_near,
+        "the prior lies far from the origin of its coordinates, {}: the laboratory measures priors near to it",
+        scene.origin()
+    );
+    Ok(())
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 use nvsprior::image::Preprocessor;
 use nvsprior::vulkan::MemoryUse;
 
-use crate::args::{OPTIMIZERS, StepArg};
+use crate::args::{OPTIMIZERS, StepArg, check_origin};
 use context::{Context, OptimizerRun, Shot, host_bytes};
 use forward::Forward;
 use nvsprior_inputs::args::{DeviceArgs, PriorArgs, progress, with_progress};
@@ -147,6 +147,7 @@ impl RunArgs {
         anyhow::ensure!(shots.len() > 1, "one frame is no run, as the first one does not count");
         let engine = self.device.open()?;
         let scene = engine.upload(&prior)?;
+        check_origin(&scene)?;
         let forward = Forward::new(&engine, &scene);
         let (best, threshold) = (Vec::new(), self.threshold);
         let device_memory = MemoryUse::default();

@@ -158,6 +158,7 @@ mod tests {
     fn middle(alpha_max: f32) -> [f64; 2] {
         let bright = 1e6;
         let splats = Splats {
+            origin: [0.0; 3],
             positions: [1.0, 2.0, 3.0].map(|z| [0.0, 0.0, z]).to_vec(),
             log_scales: vec![[3.0; 3]; 3],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; 3],

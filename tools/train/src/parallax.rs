@@ -199,6 +199,7 @@ mod tests {
     #[test]
     fn what_one_side_saw_asks_for_an_arc() {
         let splats = Splats {
+            origin: [0.0; 3],
             positions: vec![[0.0, 0.0, 4.0]],
             log_scales: vec![[-3.0; 3]],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]],

@@ -19,6 +19,7 @@ fn cloud(count: usize, sh_degree: u32) -> Splats {
     let wave = |i: usize, f: f32| (i as f32 * f + 0.7).sin();
     let each = |f: &dyn Fn(usize) -> [f32; 3]| (0..count).map(f).collect::<Vec<_>>();
     let mut splats = Splats {
+        origin: [0.0; 3],
         positions: each(&|i| [2.4 * wave(i, 1.7), 1.4 * wave(i, 2.9), 3.0 + wave(i, 0.3)]),
         log_scales: each(&|i| [-2.2 + 0.4 * wave(i, 0.7), -2.0, -2.6]),
         rotations: (0..count).map(|i| [1.0, wave(i, 0.2), wave(i, 0.9), 0.3]).collect(),

@@ -56,8 +56,9 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let columns = columns.collect::<Result<Vec<_>, _>>()?;
     let mut splats = Splats::with_capacity(count, sh_degree);
     let coded = Coded::of(&columns);
+    let mut exact = Vec::with_capacity(count);
     for (placement, columns) in placements.iter().zip(columns) {
-        columns.append(placement, coded, &mut splats);
+        columns.append(placement, coded, &mut splats, &mut exact);
     }
     let comments = document.asset.generator.iter().map(|by| format!("generator {by}")).collect();
     let mut warnings = coded.warnings();
@@ -67,7 +68,8 @@ pub fn read(bytes: &[u8]) -> Result<PriorFile, PriorError> {
     let antialiased = placements.iter().any(|p| p.primitive.is_antialiased());
     let options = RenderOptions { antialiased, ..RenderOptions::INRIA };
     let file = PriorFile::new(splats, options, FORMAT);
-    Ok(PriorFile { comments, warnings, near_by_size: true, ..file })
+    let exact_positions = Some(exact);
+    Ok(PriorFile { exact_positions, comments, warnings, near_by_size: true, ..file })
 }
 
 /// Whether numbers stand as a file of the draft has them, and not as the extension says.
@@ -137,10 +139,18 @@ impl<'a> Columns<'a> {
     }
 
     /// Appends the splats, moved by the transform of their node.
-    fn append(&self, placement: &Placement, coded: Coded, splats: &mut Splats) {
+    fn append(
+        &self,
+        placement: &Placement,
+        coded: Coded,
+        splats: &mut Splats,
+        exact: &mut Vec<[f64; 3]>,
+    ) {
         let stride = splats.sh_stride();
         for index in 0..self.positions.count {
-            splats.positions.push(placement.position(self.positions.get(index)));
+            let position = placement.position(self.positions.get(index));
+            splats.positions.push(position.map(|v| v as f32));
+            exact.push(position);
             splats.rotations.push(placement.rotation(self.rotations.get(index)));
             let scales: [f64; 3] = self.scales.get(index);
             let scales = if coded.logarithms { scales.map(libm::exp) } else { scales };

@@ -104,12 +104,12 @@ impl Placement<'_> {
     }
 
     /// The world's coordinates of a position.
-    pub fn position(&self, position: [f64; 3]) -> [f32; 3] {
+    pub fn position(&self, position: [f64; 3]) -> [f64; 3] {
         let turned = match self.sh_rotation {
             Some(_) => self.rotation * DVec3::from(position),
             None => position.into(),
         };
-        (self.translation + self.scale * turned).as_vec3().into()
+        (self.translation + self.scale * turned).into()
     }
 
     /// Splat to world, (w, x, y, z), of a rotation (x, y, z, w).

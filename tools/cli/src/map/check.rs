@@ -35,7 +35,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Pictures with poses.
 fn posed(args: &Args) -> anyhow::Result<()> {
-    let listed = args.inputs.list(None)?;
+    let listed = args.inputs.list(None, None)?;
     row(
         "pictures",
         format!("{} to train on, {} held out", listed.train.len(), listed.held_out.len()),

@@ -79,7 +79,7 @@ impl FromArgs {
     ) -> anyhow::Result<Vec<PosedPicture>> {
         let (camera, most) = (pictures[0].camera, CANDIDATES * pictures.len());
         if let Some(path) = &self.earlier {
-            return inputs.read_others(path, most, &camera, prior.preprocessing());
+            return inputs.read_others(path, most, &camera, prior);
         }
         let poses: Vec<Pose> = match prior.key_frames().poses() {
             [] => pictures.iter().flat_map(|picture| turned(&picture.pose)).collect(),

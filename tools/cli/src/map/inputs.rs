@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use nvsprior::Camera;
+use glam::DVec3;
 use nvsprior::image::{Clahe, Preprocessing, Preprocessor, WhiteBalance};
+use nvsprior::{Camera, Prior};
 use nvsprior_inputs::args::{SizeArgs, WIDTH, progress};
 use nvsprior_inputs::points::{Point, read_points};
 use nvsprior_inputs::posed::{PosedInput, PosedOptions, PosedPictures, posed_pictures};
@@ -110,6 +111,8 @@ pub struct Listed {
     pub every: Option<usize>,
     /// Points to start from; possibly none.
     pub points: Vec<ColouredPoint>,
+    /// What all coordinates count from, in the world.
+    pub origin: DVec3,
     /// The camera of the first picture, of the size that all are brought to.
     pub size: Camera,
     /// How much smaller the sizes are that are trained for.
@@ -117,6 +120,17 @@ pub struct Listed {
 }
 
 impl Listed {
+    /// Says what coordinates count from, if that is not zero.
+    pub fn tell_origin(&self) {
+        let DVec3 { x, y, z } = self.origin;
+        if self.origin != DVec3::ZERO {
+            tell!(
+                "the scene lies far from the origin of its coordinates: the prior's splats count from {x}, {y}, {z}; \
+                 poses are still the camera file's"
+            );
+        }
+    }
+
     /// Pixels of the largest picture as it was taken.
     pub fn largest(&self) -> u64 {
         let held_out = self.held_out.iter().map(|(_, input)| input);
@@ -195,9 +209,14 @@ impl InputArgs {
         Ok(())
     }
 
-    /// Finds pictures and poses, unless they were found already, and reads points.
-    pub fn list(&self, found: Option<PosedPictures>) -> anyhow::Result<Listed> {
-        let listed = match (found, &self.cameras) {
+    /// Finds pictures and poses, unless they were found already, and reads points. `origin`: of the prior that the
+    /// training goes on with.
+    pub fn list(
+        &self,
+        found: Option<PosedPictures>,
+        origin: Option<DVec3>,
+    ) -> anyhow::Result<Listed> {
+        let mut listed = match (found, &self.cameras) {
             (Some(found), _) => {
                 let given = self.points.as_deref().map(read_points).transpose()?;
                 PosedPictures { points: given.or(found.points), ..found }
@@ -205,13 +224,15 @@ impl InputArgs {
             (None, Some(cameras)) => posed_pictures(cameras, &self.posed_options())?,
             (None, None) => anyhow::bail!("neither pictures nor --cameras"),
         };
+        let origin = origin.unwrap_or_else(|| listed.far_origin());
+        listed.count_from(origin);
         let points = listed.points.unwrap_or_default();
         let Divided { train, held_out, every } = self.divide(listed.inputs)?;
         let size =
             train.first().map(|input| self.camera(input)).context("no picture to train on")?;
         let points = points.iter().map(coloured).collect();
         let reductions = self.reductions(size.width)?;
-        Ok(Listed { train, held_out, every, points, size, reductions })
+        Ok(Listed { train, held_out, every, points, origin, size, reductions })
     }
 
     fn posed_options(&self) -> PosedOptions {
@@ -244,12 +265,13 @@ impl InputArgs {
         preprocessing: &Preprocessing,
         writer: Option<RunWriter>,
     ) -> anyhow::Result<MapInputs> {
-        let Listed { train, held_out, every, points, size, reductions } = listed;
+        let Listed { train, held_out, every, points, origin, size, reductions } = listed;
         let smaller = self.smaller(&held_out, &size, &reductions, preprocessing)?;
         let bar = progress(train.len() + held_out.len(), "pictures");
         let split = self.split.as_deref().unwrap_or(TRAIN);
         let read = |split: &str, input: &PosedInput| {
-            let read = self.read_one(&size, (writer.as_ref(), split), preprocessing, input);
+            let writer = writer.as_ref().map(|writer| (writer, origin));
+            let read = self.read_one(&size, (writer, split), preprocessing, input);
             bar.inc(1);
             read
         };
@@ -281,7 +303,7 @@ impl InputArgs {
         let all: Vec<_> = train.chain(held_out).collect();
         let bar = progress(all.len(), "pictures without distortion");
         let write = |(split, input): &(&str, &PosedInput)| {
-            let how = (Some(&writer), *split);
+            let how = (Some((&writer, listed.origin)), *split);
             let read = self.read_one(&listed.size, how, &Preprocessing::NONE, input);
             bar.inc(1);
             read.map(|read| read.written)
@@ -336,9 +358,11 @@ impl InputArgs {
         cameras: &Path,
         most: usize,
         size: &Camera,
-        preprocessing: &Preprocessing,
+        prior: &Prior,
     ) -> anyhow::Result<Vec<PosedPicture>> {
-        let listed = posed_pictures(cameras, &PosedOptions::default())?;
+        let mut listed = posed_pictures(cameras, &PosedOptions::default())?;
+        listed.count_from(prior.origin());
+        let preprocessing = prior.preprocessing();
         let read = |input| Ok(self.read_one(size, (None, TRAIN), preprocessing, input)?.view);
         let every = listed.inputs.len().div_ceil(most).max(1);
         listed.inputs.par_iter().step_by(every).map(read).collect()
@@ -348,14 +372,15 @@ impl InputArgs {
     fn read_one(
         &self,
         size: &Camera,
-        (writer, split): (Option<&RunWriter>, &str),
+        (writer, split): (Option<(&RunWriter, DVec3)>, &str),
         preprocessing: &Preprocessing,
         input: &PosedInput,
     ) -> anyhow::Result<Read> {
         let camera = self.camera_at(input, size);
         let (mut picture, mask) = input.load_masked(&camera)?;
         let pose = input.pose;
-        let write = |writer: &RunWriter| {
+        let write = |(writer, origin): (&RunWriter, DVec3)| {
+            let pose = pose.absolute_from(origin);
             let file = writer.picture(&input.name, &picture)?;
             Ok::<_, RunWriterError>(RunView { file, split: split.into(), camera, pose, time: None })
         };

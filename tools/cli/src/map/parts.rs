@@ -102,6 +102,7 @@ impl PartsRun<'_> {
             // The whole is measured by them at the end.
             every: None,
             points: parts.points_of(part, &own.points),
+            origin: own.origin,
             size: own.size,
             reductions: own.reductions.clone(),
         }
@@ -162,7 +163,8 @@ impl PartsRun<'_> {
         let extras = Extras { key_frames, preprocessing, lens, ..Extras::default() };
         let render = &options.render;
         let besides = Besides { options: render, frame: None, coder_tables: None, extras: &extras };
-        let bytes = container.write(splats, &besides)?;
+        let splats = Splats { origin: self.listed.origin.into(), ..splats.clone() };
+        let bytes = container.write(&splats, &besides)?;
         container.save(&args.out, &bytes)?;
         say!("{}: {} splats, {} bytes", args.out.display(), splats.len(), bytes.len());
         Ok(args.out.clone())

@@ -1,9 +1,10 @@
 //! A mapping run, from the arguments to the prior and its report.
 
+use glam::DVec3;
 use nvsprior::geometry::Lens;
 use nvsprior::image::Preprocessing;
 use nvsprior::prior::compact::Quantisation;
-use nvsprior::prior::{Besides, Extras};
+use nvsprior::prior::{Besides, Extras, Splats};
 use nvsprior::{Engine, Prior, RenderOptions};
 use nvsprior_inputs::args::progress;
 use nvsprior_train::doubt::doubt_of;
@@ -52,7 +53,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let unposed = args.video.pictures(given, &search)?;
     let found = args.structure.find(unposed.as_ref(), &search, navigation)?;
     let (found, poses) = found.unzip();
-    let listed = args.inputs.list(found)?;
+    let listed = args.inputs.list(found, from.as_ref().map(Prior::origin))?;
+    listed.tell_origin();
     let options = MapOptions { reductions: listed.reductions.clone(), ..options };
     let options = match from {
         Some(_) => options,
@@ -65,11 +67,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     memory::check(&engine, &listed, &options, from.is_some())?;
     let lens = listed.train.first().map(|input| input.lens);
+    let origin = listed.origin;
     let inputs = args.inputs.read(listed, &preprocessing)?;
     let points = inputs.points.clone();
     let (mut mapper, mut report) = train(args, &engine, from.as_ref(), &options, inputs)?;
     report.poses = poses;
-    let made = Made { args, container, render: &options.render, preprocessing, lens };
+    let made = Made { args, container, render: &options.render, preprocessing, lens, origin };
     let prior = made.write(from.as_ref(), &mapper)?;
     let forward = forward_seconds(&engine, &prior, &mapper)?;
     let rehearsal = Rehearsal { engine: &engine, options: &options, budget: args.rehearsal(&from) };
@@ -114,13 +117,14 @@ struct Made<'a> {
     render: &'a RenderOptions,
     preprocessing: Preprocessing,
     lens: Option<Lens>,
+    origin: DVec3,
 }
 
 impl Made<'_> {
     /// Writes the prior with all that belongs to it but its doubt. `from`: the prior that the training went on with.
     fn write(&self, from: Option<&Prior>, mapper: &Mapper) -> anyhow::Result<Prior> {
-        let Made { args, container, render, preprocessing, lens } = *self;
-        let splats = mapper.splats()?;
+        let Made { args, container, render, preprocessing, lens, origin } = *self;
+        let splats = Splats { origin: origin.into(), ..mapper.splats()? };
         let cameras = mapper.views()[..mapper.pictures()].iter().map(|view| view.camera);
         let mut views: Vec<_> = cameras.zip(mapper.poses().iter().copied()).collect();
         if let Some(prior) = from {

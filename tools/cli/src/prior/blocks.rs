@@ -102,7 +102,8 @@ impl Parts {
             same("coder tables", part.coder_tables() == first.coder_tables())?;
             same("degree of spherical harmonics", part.splats().sh_degree == splats.sh_degree)?;
             splats.append(&mut part.splats().clone());
-            poses.extend(part.key_frames().poses());
+            let shift = first.origin() - part.origin();
+            poses.extend(part.key_frames().relative_to(shift).poses());
             let own = part.extras().clone();
             extras.filter_weights =
                 extras.filter_weights.filter(|w| own.filter_weights.as_ref() == Some(w));

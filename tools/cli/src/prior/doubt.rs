@@ -91,7 +91,7 @@ impl Args {
             camera.check().with_context(|| view.name.clone())?;
             let mut frame = frame_file::read_frame(&view.file, camera.width, camera.height)?;
             preprocessor.apply(&mut frame);
-            Ok(PosedPicture::new(camera, pose, frame))
+            Ok(PosedPicture::new(camera, pose.relative_to(prior.origin()), frame))
         };
         let pictures = posed.map(read).collect::<anyhow::Result<Vec<_>>>()?;
         anyhow::ensure!(!pictures.is_empty(), "{}: no picture has a pose", cameras.display());
@@ -116,7 +116,7 @@ impl Check {
         let mut map = DoubtMap::default();
         let mut view = DoubtView::new(engine, prior)?;
         for PosedPicture { camera, pose, picture, .. } in pictures {
-            view.draw(camera, pose, &mut map)?;
+            view.draw(camera, &pose.absolute_from(prior.origin()), &mut map)?;
             check.add(&map, picture, renderer.render(camera, pose)?);
         }
         Ok(check)

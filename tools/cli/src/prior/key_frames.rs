@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use glam::DVec3;
 use nvsprior::prior::{Extras, KeyFrames};
 use nvsprior::{Camera, Pose, Prior};
 
@@ -110,7 +111,7 @@ struct Views {
 
 impl Views {
     fn of(args: &Args, file: &Path, prior: &Prior) -> anyhow::Result<Views> {
-        let views = posed_views(file, args.split.as_deref())?;
+        let views = posed_views(file, args.split.as_deref(), prior.origin())?;
         let sample = Sample::of(prior.splats(), prior.options().near);
         let (distance, angle) = args.spacing();
         let thinned = Thinned::of(&sample, &views, distance, angle)?;
@@ -131,9 +132,14 @@ impl Views {
     }
 }
 
-fn posed_views(file: &Path, split: Option<&str>) -> anyhow::Result<Vec<(Camera, Pose)>> {
+/// The views with poses, as from the prior's origin.
+fn posed_views(
+    file: &Path,
+    split: Option<&str>,
+    origin: DVec3,
+) -> anyhow::Result<Vec<(Camera, Pose)>> {
     let views = CameraFile::open(file)?.select(split)?;
-    let posed = views.iter().filter_map(|view| Some((view.camera, view.pose?)));
+    let posed = views.iter().filter_map(|view| Some((view.camera, view.pose?.relative_to(origin))));
     let posed: Vec<_> = posed.collect();
     anyhow::ensure!(!posed.is_empty(), "{}: no view has a pose", file.display());
     Ok(posed)

@@ -52,7 +52,8 @@ impl ChaseView {
     /// Draws it for a vehicle's pose.
     pub fn draw(&mut self, vehicle: &Pose) -> anyhow::Result<()> {
         self.pose = behind(vehicle, self.up, self.unit);
-        self.renderer.picture(&self.pose, &mut self.picture)?;
+        let pose = self.pose.relative_to(self.renderer.scene().origin());
+        self.renderer.picture(&pose, &mut self.picture)?;
         Ok(())
     }
 

@@ -87,6 +87,7 @@ impl PlanView {
             let mut renderer = engine.renderer(&scene, &camera, Plan::picture())?;
             renderer.picture(&pose, &mut picture)?;
         }
+        let pose = pose.absolute_from(prior.origin());
         Ok(PlanView { camera, pose, pixels_per_unit, picture })
     }
 

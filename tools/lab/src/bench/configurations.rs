@@ -200,6 +200,7 @@ pub fn chosen(splats: &Splats, places: &[usize]) -> Splats {
     let stride = splats.sh_stride();
     let sh = |i: &usize| &splats.sh[i * stride..][..stride];
     Splats {
+        origin: splats.origin,
         positions: places.iter().map(|i| splats.positions[*i]).collect(),
         log_scales: places.iter().map(|i| splats.log_scales[*i]).collect(),
         rotations: places.iter().map(|i| splats.rotations[*i]).collect(),
@@ -234,6 +235,7 @@ mod tests {
     #[test]
     fn the_largest_splats_are_kept_in_order() {
         let splats = Splats {
+            origin: [0.0; 3],
             positions: vec![[0.0; 3], [1.0; 3], [2.0; 3]],
             log_scales: vec![[1.0, 1.0, -9.0], [-1.0, -1.0, 0.0], [0.5, 0.5, 0.5]],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; 3],

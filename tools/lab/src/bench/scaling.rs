@@ -155,6 +155,7 @@ mod tests {
     #[test]
     fn as_many_splats_as_asked_for_cover_the_same_area() {
         let splats = Splats {
+            origin: [0.0; 3],
             positions: (0..10).map(|i| [i as f32, 0.0, 0.0]).collect(),
             log_scales: vec![[0.0, 0.0, -3.0]; 10],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; 10],

@@ -16,6 +16,7 @@ use serde::Serialize;
 use super::context::{Shot, host_bytes};
 use super::forward::{Forward, timed};
 use super::{ReportArgs, plot};
+use crate::args::check_origin;
 use nvsprior_inputs::report::{Table, fixed, fixed_or_empty, write_json};
 use nvsprior_inputs::statistics::median;
 
@@ -94,6 +95,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     ensure!(inputs.len() > 1, "one frame is no run, as the first one does not count");
     let engine = args.device.open()?;
     let scene = engine.upload(&prior)?;
+    check_origin(&scene)?;
     let mut preprocessor = Preprocessor::new(prior.preprocessing());
     let mut rows = Vec::new();
     for width in widths {

@@ -10,6 +10,7 @@ use nvsprior_paper::Decoder;
 use nvsprior_runs::FrameKind;
 
 use super::encode::ENDING;
+use crate::args::check_origin;
 
 /// Decode what `paper encode` wrote
 #[derive(clap::Args)]
@@ -34,6 +35,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut pictures = args.overwrite.open("--pictures", &args.pictures, kind)?;
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
+    check_origin(&scene)?;
     let (mut decoder, mut picture) = (Decoder::new(&engine, &scene), Picture::default());
     let bar = progress(packets.len(), "decoding");
     for path in &packets {

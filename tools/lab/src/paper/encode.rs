@@ -11,7 +11,7 @@ use nvsprior_inputs::values::{self, named};
 use nvsprior_paper::{DescentOptions, Encoder, EncoderOptions, Optimizer};
 use nvsprior_runs::{FrameFolder, FrameKind};
 
-use crate::args::OPTIMIZERS;
+use crate::args::{OPTIMIZERS, check_origin};
 use crate::bench::StartArgs;
 
 /// How the names of packets end.
@@ -92,6 +92,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let engine = args.device.open()?;
     let scene = args.prior.upload(&engine)?;
+    check_origin(&scene)?;
     let mut encoder = Encoder::new(&engine, &scene, &frames[0].camera, args.options())?;
     let bar = progress(frames.len(), "encoding");
     let mut rows = Vec::new();

@@ -36,8 +36,10 @@ class Tables:
 class Prior:
     """Splats and what goes with them."""
 
-    def __init__(self, arrays, options, tables=None, key_frames=0, frame=None, near_by_size=False):
-        """`frame`: the stated centre and spread, of a blocked prior. `near_by_size`: no near plane is stated."""
+    def __init__(self, arrays, options, tables=None, key_frames=0, frame=None, origin=None, near_by_size=False):
+        """`frame`: the stated centre and spread, of a blocked prior. `origin`: what positions count from, if not zero.
+        `near_by_size`: no near plane is stated."""
+        self.origin = origin
         self.positions, self.log_scales, self.rotations, self.logits, self.sh = arrays
         self.tables, self.key_frames, self.frame = tables, key_frames, frame
         self._drop()
@@ -70,6 +72,8 @@ class Prior:
             parts.append(("frame", struct.pack("<4f", *self.frame[0], self.frame[1])))
         if self.tables:
             parts.append(("tables", self.tables.data))
+        if self.origin is not None:
+            parts.append(("origin", struct.pack("<3d", *self.origin)))
         splats = struct.pack("<II", round(self.sh.shape[1] ** 0.5) - 1, len(self.logits))
         parts.append(("splats", splats + b"".join(array.astype("<f4").tobytes() for array in arrays)))
         named = (name.encode().ljust(8, b"\0") + struct.pack("<Q", len(content)) + content for name, content in parts)
@@ -95,6 +99,17 @@ class Prior:
         return f"{le(self.id):08x}"
 
 
+def _far_origin(positions):
+    """The point that positions of a foreign file should count from; None: zero."""
+    middle = (len(positions) - 1) // 2
+    centre = np.sort(positions, 0)[middle]
+    off = np.abs(positions - centre)
+    spread = next(s for s in (np.sort(off, 0)[middle].max(), np.nanmax(off), 1.0) if s > 0)
+    whole = np.trunc(centre + np.copysign(0.5, centre))
+    is_far = np.isfinite(centre).all() and np.abs(centre).max() > 64 * spread
+    return whole if is_far and whole.any() else None
+
+
 def _unit(spread, centre):
     return max(float(spread), float(np.abs(centre).max()) * 2.0**-23)
 
@@ -107,13 +122,14 @@ def _is_mip(comment):
 
 
 def options_of(comments):
-    """Render options of a PLY file's comments; how many key frames; whether no near plane is stated."""
+    """Render options of a PLY file's comments; how many key frames; what positions count from, if that is stated;
+    whether no near plane is stated."""
     near, alpha_max, background = F32(0.2), F32(0.99), [F32(0)] * 3
     antialiased = any(map(_is_mip, comments))
     by_size = not any("nerfstudio" in comment.lower() for comment in comments)
     if not by_size:
         near = F32(0.01)
-    key_frames, focal = 0, None
+    key_frames, focal, origin = 0, None, None
     for comment in comments:
         match comment.split():
             case ["nvsprior", "near", v]:
@@ -128,13 +144,15 @@ def options_of(comments):
                 background = [F32(r), F32(g), F32(b)]
             case ["nvsprior", "key_frame", *_]:
                 key_frames += 1
+            case ["nvsprior", "origin", x, y, z]:
+                origin = np.array([float(x), float(y), float(z)])
             case ["nvsprior", "white_balance" | "clahe", *_]:
                 pass
             case ["nvsprior", *_]:
                 raise Refused("content")
     if focal is not None and not 1 <= focal <= 1e6:
         raise Refused("content")
-    return (near, alpha_max, antialiased, background, focal), key_frames, by_size
+    return (near, alpha_max, antialiased, background, focal), key_frames, origin, by_size
 
 
 KINDS = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -189,9 +207,16 @@ def read_ply(data):
     logits = rows["opacity"].astype(F32)
     if "filter_3D" in names:
         scales, logits = _smoothed(scales, logits, rows["filter_3D"].astype(F32))
-    arrays = (column("x", "y", "z"), scales, column("rot_0", "rot_1", "rot_2", "rot_3"), logits, sh)
-    options, key_frames, by_size = options_of(comments)
-    return Prior(arrays, options, None, key_frames, None, by_size)
+    options, key_frames, origin, by_size = options_of(comments)
+    positions = column("x", "y", "z")
+    if origin is None:
+        exact = np.stack([rows[name].astype(np.float64) for name in "xyz"], 1)
+        origin = _far_origin(exact)
+        positions = positions if origin is None else (exact - origin).astype(F32)
+    elif not origin.any():
+        origin = None
+    arrays = (positions, scales, column("rot_0", "rot_1", "rot_2", "rot_3"), logits, sh)
+    return Prior(arrays, options, None, key_frames, None, origin, by_size)
 
 
 def _smoothed(scales, logits, filters):
@@ -202,7 +227,7 @@ def _smoothed(scales, logits, filters):
     return (0.5 * np.log(variances + added)).astype(F32), np.log(opacity / (1 - opacity)).astype(F32)
 
 
-KNOWN = dict.fromkeys(["options", "frame", "tables", "splats", "exact", "blocks"], 3)
+KNOWN = dict.fromkeys(["options", "frame", "tables", "origin", "splats", "exact", "blocks"], 3)
 KNOWN |= dict.fromkeys(["keys", "treated", "lens", "filter", "doubt", "trials", "record"], 0)
 
 
@@ -264,8 +289,8 @@ def _options(parts):
 
 
 def _besides(parts):
-    """The coder tables, the number of key frames and the coordinate frame, if it is stated."""
-    keys, frame = 0, None
+    """The coder tables, the number of key frames, the coordinate frame and the origin, if they are stated."""
+    keys, frame, origin = 0, None, None
     if "keys" in parts:
         part = parts["keys"]
         keys = le(part[:4])
@@ -280,7 +305,11 @@ def _besides(parts):
         if not np.isfinite([*centre, spread]).all() or not spread > 0:
             raise Refused("content")
         frame = (np.array(centre, F32), spread)
-    return Tables(parts["tables"]) if "tables" in parts else None, keys, frame
+    if "origin" in parts:
+        origin = np.array(struct.unpack("<3d", _needed(parts, "origin", 24)))
+        if not np.isfinite(origin).all() or not origin.any():
+            raise Refused("content")
+    return Tables(parts["tables"]) if "tables" in parts else None, keys, frame, origin
 
 
 def _checked(prior, identity):
@@ -343,7 +372,7 @@ def _coded(content, count, degree):
 def read_blocked(data):
     """A blocked prior, .nvsb."""
     degree, identity, splats, at, parts = _container(data, b"nvsb")
-    options, (tables, keys, frame) = _options(parts), _besides(parts)
+    options, (tables, keys, frame, origin) = _options(parts), _besides(parts)
     blocks = _needed(parts, "blocks")
     if len(blocks) < 5:
         raise Refused("truncated")
@@ -370,7 +399,7 @@ def read_blocked(data):
         pieces.append(piece)
         at += length
     arrays = tuple(np.concatenate(columns) for columns in zip(*pieces))
-    return _checked(Prior(arrays, options, tables, keys, frame), identity)
+    return _checked(Prior(arrays, options, tables, keys, frame, origin), identity)
 
 
 def _check_block(piece, floats, options, clamped, place):

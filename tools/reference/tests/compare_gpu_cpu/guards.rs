@@ -16,6 +16,7 @@ const OPTIONS: RenderOptions = RenderOptions { background: BACKGROUND, ..RenderO
 fn splats_at(positions: &[[f32; 3]], log_scale: f32) -> Splats {
     let count = positions.len();
     Splats {
+        origin: [0.0; 3],
         positions: positions.to_vec(),
         log_scales: vec![[log_scale; 3]; count],
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],

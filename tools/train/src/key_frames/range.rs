@@ -59,6 +59,7 @@ mod tests {
         positions.push([1.1, 0.0, 1.0]);
         let count = positions.len();
         let splats = Splats {
+            origin: [0.0; 3],
             positions,
             log_scales: vec![[-3.0; 3]; count],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],

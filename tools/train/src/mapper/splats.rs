@@ -72,6 +72,7 @@ pub fn from_planes(planes: &[f32], options: &MapOptions, centre: DVec3, alive: u
         (DVec3::from(own) + centre).as_vec3().to_array()
     };
     Splats {
+        origin: [0.0; 3],
         positions: (0..alive).map(position).collect(),
         log_scales: (0..alive).map(|i| [0, 1, 2].map(|k| at(LOG_SCALE + k, i))).collect(),
         rotations: (0..alive).map(|i| [0, 1, 2, 3].map(|k| at(ROTATION + k, i))).collect(),

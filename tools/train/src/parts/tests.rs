@@ -139,6 +139,7 @@ fn a_run_without_so_many_places_is_refused() {
 #[test]
 fn splats_become_points_of_their_colour() {
     let splats = Splats {
+        origin: [0.0; 3],
         positions: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]],
         log_scales: vec![[0.0; 3]; 2],
         rotations: vec![[1.0, 0.0, 0.0, 0.0]; 2],
