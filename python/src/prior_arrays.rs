@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use numpy::prelude::*;
-use nvsprior::prior::{Besides, Extras, PriorFile, PriorFormat, Splats};
+use nvsprior::prior::{Besides, Extras, PriorFile, PriorFormat, Splats, origin_of};
 use nvsprior::{Prior, RenderOptions, RenderOverrides};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{numeric, wrong_shape};
+use crate::arrays::{self, numeric, wrong_shape};
 use crate::errors::Failure;
 use crate::handle::detached;
 
@@ -62,6 +62,10 @@ fn rows<const N: usize>(
     Ok(values.as_chunks::<N>().0.to_vec())
 }
 
+fn is_moved(origin: &[f64; 3]) -> bool {
+    *origin != [0.0; 3]
+}
+
 /// The arrays of a prior.
 pub struct Arrays<'a, 'py> {
     pub means: &'a Bound<'py, PyAny>,
@@ -72,8 +76,18 @@ pub struct Arrays<'a, 'py> {
 }
 
 impl Arrays<'_, '_> {
-    fn splats(&self, is_raw: bool) -> PyResult<Splats> {
-        let positions = rows::<3>("means", self.means, None)?;
+    /// `origin`: what the means count from. `None`: zero, or a point near to them if they lie far from there.
+    fn splats(&self, is_raw: bool, origin: Option<[f64; 3]>) -> PyResult<Splats> {
+        let means = arrays::any_rows::<3>("means", self.means, 0..=usize::MAX)?;
+        let (moved, shown) = match origin {
+            Some(origin) => ([0.0; 3], origin),
+            None => {
+                let origin = origin_of(&means).unwrap_or_default();
+                (origin, origin)
+            }
+        };
+        let from = |p: &[f64; 3]| std::array::from_fn(|axis| (p[axis] - moved[axis]) as f32);
+        let positions: Vec<[f32; 3]> = means.iter().map(from).collect();
         let count = positions.len();
         let mut log_scales = rows::<3>("scales", self.scales, Some(count))?;
         let rotations = rows::<4>("quats", self.quats, Some(count))?;
@@ -91,14 +105,20 @@ impl Arrays<'_, '_> {
             let logit = |p: f32| (f64::from(p) / (1.0 - f64::from(p))).ln() as f32;
             opacity_logits.iter_mut().for_each(|opacity| *opacity = logit(*opacity));
         }
-        let origin = [0.0; 3];
-        Ok(Splats { origin, positions, log_scales, rotations, opacity_logits, sh, sh_degree })
+        Ok(Splats {
+            origin: shown,
+            positions,
+            log_scales,
+            rotations,
+            opacity_logits,
+            sh,
+            sh_degree,
+        })
     }
 
     /// The prior of these splats, with all else of another one.
     pub fn prior(&self, py: Python, is_raw: bool, like: Option<&Arc<Prior>>) -> PyResult<Prior> {
-        let mut splats = self.splats(is_raw)?;
-        splats.origin = like.map_or(splats.origin, |like| like.splats().origin);
+        let splats = self.splats(is_raw, like.map(|like| like.splats().origin).filter(is_moved))?;
         let options = like.map_or(RenderOptions::GSPLAT, |like| *like.options());
         let count = splats.len();
         let mut file = PriorFile::new(splats, options, PriorFormat::Memory);

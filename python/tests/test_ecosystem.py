@@ -213,8 +213,35 @@ def test_wrong_arrays_of_a_prior_are_named():
     ]:
         with pytest.raises(nvsprior.ArgumentError, match=f"^{name}: an array of shape"):
             nvsprior.Prior.from_arrays(**{**good, name: array})
-    with pytest.raises(TypeError, match="means: an array of numbers"):
+    with pytest.raises(TypeError, match="means: rows of 3 numbers"):
         nvsprior.Prior.from_arrays(**{**good, "means": "none"})
     with pytest.warns(UserWarning, match="1 splat"):
         good["scales"] = np.array([[1, 1, 1], [1, -1, 1]])
         assert len(nvsprior.Prior.from_arrays(**good)) == 1
+
+
+PLACE = np.array([512_345.25, 5_932_101.5, -37.125])
+
+
+def test_a_scene_far_from_the_origin_keeps_its_digits(engine, prior, camera):
+    near = prior.arrays()
+    far = nvsprior.Prior.from_arrays(**{**near, "means": near["means"].astype(np.float64) + PLACE})
+    assert np.abs(np.array(far.origin) - PLACE).max() < 100 and prior.origin == (0, 0, 0)
+    means = far.arrays()["means"].astype(np.float64) + far.origin
+    assert np.abs(means - PLACE - near["means"]).max() < 1e-5
+    raw = far.arrays(raw=True)
+    assert nvsprior.Prior.from_arrays(**raw, raw=True, like=far).id == far.id
+    pose = prior.key_frames[0]
+    there = nvsprior.Pose(pose.rotation, pose.translation - pose.matrix()[:3, :3] @ PLACE)
+    same = nvsprior.Prior.from_arrays(**near)
+    pictures = [
+        nvsprior.Renderer(engine, scene, camera).render(at) for scene, at in [(same, pose), (far, there)]
+    ]
+    assert nvsprior.psnr(*pictures) > 50
+    with_keys = far.with_key_frames([there])
+    assert np.abs(with_keys.key_frames[0].centre - there.centre).max() < 1e-6
+    frame = pictures[0]
+    encoded = nvsprior.Encoder(engine, far, camera).encode(frame, there)
+    assert encoded.certain and np.abs(encoded.pose.centre - there.centre).max() < 0.1
+    decoded = nvsprior.Decoder(engine, far).decode(encoded.packet)
+    assert np.abs(decoded.pose.centre - encoded.pose.centre).max() < 1e-6

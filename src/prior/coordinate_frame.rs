@@ -63,6 +63,7 @@ const FAR: f64 = 8_388_608.0 / STEPS_PER_UNIT;
 
 /// The point that positions should count from; `None`: zero. It is in whole units, so no digit is lost.
 pub fn origin_of<T: Copy + Into<f64>>(positions: &[[T; 3]]) -> Option<[f64; 3]> {
+    positions.first()?;
     let axes = [0, 1, 2].map(|axis| deviations(positions, axis));
     let spread = spreads(&axes).into_iter().find(|s| *s > 0.0)?;
     let centre = axes.map(|a| a.centre);

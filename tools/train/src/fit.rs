@@ -80,7 +80,8 @@ impl<'a> Fit<'a> {
             told();
         }
         let state = trainers.last().state()?;
-        *splats = from_planes(&state.parameters, &options, self.centre, count);
+        let fitted = from_planes(&state.parameters, &options, self.centre, count);
+        *splats = Splats { origin: splats.origin, ..fitted };
         Ok(())
     }
 }

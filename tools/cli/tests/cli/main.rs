@@ -10,6 +10,7 @@ mod demo_prior;
 mod derived;
 mod dive;
 mod encode;
+mod far;
 mod filter;
 mod folders;
 mod inputs;
