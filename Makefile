@@ -15,7 +15,7 @@ ALL := --workspace --exclude nvsprior-gst --exclude nvsprior-python
 	lint lib install uninstall package portability package-test firmware cross-aarch64 poses-test first-dive \
 	licences deb deb-test dist dist-test subproject-test abi-check abi-baseline semver-check shaders shaders-check \
 	shader-toolchain gpu-check device-report clean paper-test setup-test conformance vectors figures docs-tables \
-	wheel wheel-aarch64 python-test frame-times
+	wheel wheel-aarch64 python-test frame-times fuzz
 
 help:
 	@echo "make demo           encode and decode the embedded scene; tables and pictures in demo-out/"
@@ -33,6 +33,7 @@ help:
 	@echo "make quick          unit tests, and tests that need few frames: at most three minutes"
 	@echo "make test           the tests: 20 minutes, compiling counted"
 	@echo "make long-test      those that take long: the laboratory's commands, memory"
+	@echo "make fuzz           each target of fuzz/ a million times: fuzz/README.md; RUNS, TARGETS=\"ply survey\""
 	@echo "make conformance    the decoder in Python against the vectors of docs/format.md; installs numpy"
 	@echo "make vectors        makes these vectors anew"
 	@echo "make figures        measures what the documents show, into docs/results/: two hours, goes on after a cut;"
@@ -260,6 +261,11 @@ cross-aarch64:
 	scripts/cross-test.sh aarch64-unknown-linux-gnu wavelet on_every_processor
 	scripts/cross-test.sh aarch64-unknown-linux-gnu small_blocks on_every_processor
 	scripts/cross-test.sh aarch64-unknown-linux-gnu displaced on_every_processor
+	scripts/c-hosts-aarch64.sh target/nvsprior-firmware-aarch64 \
+		float_environment small_stack structs nulls keys images encoding decoding
+
+fuzz:
+	scripts/fuzz.sh $(or $(RUNS),1000000) $(TARGETS)
 
 dist:
 	@scripts/setup.sh dist

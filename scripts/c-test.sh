@@ -22,6 +22,8 @@ scene=$target/tmp/c-scene
 programs="structs nulls images encoding lens_and_mask pipelined decoding truth blocks threads unprotected keys"
 programs="$programs shares"
 programs="$programs garbage given_device dmabuf"
+# Whose threads are not as most are.
+hosts="float_environment small_stack"
 export PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 c_flags="-std=c11 -Wall -Wextra -Wpedantic -Werror -O1 -g -pthread"
 example_flags="-Wall -Wextra -Wpedantic -Werror -O1"
@@ -155,11 +157,11 @@ compile() {
 }
 
 c_programs() {
-    for name in $programs allocations held_memory no_memory lost_device hung_device; do
+    for name in $programs $hosts allocations held_memory no_memory lost_device hung_device; do
         compile clang clang "$name" ""
         compile programs gcc "$name" ""
     done
-    for name in $programs allocations held_memory no_memory; do
+    for name in $programs $hosts allocations held_memory no_memory; do
         "$work/programs/$name" "$scene"
     done
     # shellcheck disable=SC2086
@@ -169,7 +171,7 @@ c_programs() {
         VK_LAYER_PATH=$work/programs VK_INSTANCE_LAYERS=VK_LAYER_NVSPRIOR_lost_device \
             "$work/programs/$name" "$scene"
     done
-    echo "$programs allocations held_memory no_memory lost_device hung_device"
+    echo "$programs $hosts allocations held_memory no_memory lost_device hung_device"
 }
 
 # What docs/c-libraries.md states: time of the calling thread, of a poll, size, allocations.

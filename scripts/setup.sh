@@ -98,6 +98,7 @@ look() {
             program aarch64-linux-gnu-g++ g++-aarch64-linux-gnu
             header libc6-dev-arm64-cross stdio.h aarch64-linux-gnu-gcc
             program qemu-aarch64 qemu-user
+            program mmdebstrap
             ;;
         glibc | paper) # Building for an old glibc: scripts/zig-linker.sh. The paper's learned baselines.
             python_venv

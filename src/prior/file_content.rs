@@ -15,6 +15,8 @@ pub struct PriorFile {
     pub splats: Splats,
     /// Their positions, if the file may hold them finer than [`Splats::positions`].
     pub exact_positions: Option<Vec<[f64; 3]>>,
+    /// The file states [`Splats::origin`]: splats that lie far from there stay as they are.
+    pub states_origin: bool,
     /// Render options by the file, or those usual for its format.
     pub options: RenderOptions,
     /// Neither the file nor its format states the near plane: it follows from the scene's size, at most
@@ -40,6 +42,7 @@ impl PriorFile {
         PriorFile {
             splats,
             exact_positions: None,
+            states_origin: false,
             options,
             near_by_size: false,
             format,

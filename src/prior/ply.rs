@@ -254,6 +254,7 @@ fn header_text(
     key_frames: &KeyFrames,
     preprocessing: &Preprocessing,
 ) -> String {
+    let [x, y, z] = splats.origin;
     let RenderOptions { near, alpha_max, antialiased, background: [r, g, b], trained_focal } =
         options;
     let options = [
@@ -267,10 +268,7 @@ fn header_text(
     let comments: String = options
         .into_iter()
         .chain(trained_focal.map(|focal| format!("trained_focal {focal}")))
-        .chain((splats.origin != [0.0; 3]).then(|| {
-            let [x, y, z] = splats.origin;
-            format!("{ORIGIN} {x} {y} {z}")
-        }))
+        .chain([format!("{ORIGIN} {x} {y} {z}")])
         .chain(preprocessing_comments(preprocessing))
         .chain(key_frames)
         .map(|c| format!("comment {COMMENT_PREFIX} {c}\n"))

@@ -107,8 +107,8 @@ pub struct Comments {
     pub options: RenderOptions,
     /// None states the near plane.
     pub near_by_size: bool,
-    /// What the positions of splats and key frames count from.
-    pub origin: [f64; 3],
+    /// What the positions of splats and key frames count from, if that is stated.
+    pub origin: Option<[f64; 3]>,
     pub preprocessing: Preprocessing,
     pub key_frames: KeyFrames,
     /// Those that are no key frames.
@@ -122,7 +122,7 @@ impl Comments {
         options.antialiased = comments.iter().any(|comment| states_mip(comment));
         let mut near_by_size = !gsplat;
         let mut preprocessing = Preprocessing::NONE;
-        let mut origin = [0.0; 3];
+        let mut origin = None;
         let (mut poses, mut others) = (Vec::new(), Vec::new());
         for comment in comments {
             let words: Vec<&str> = comment.split_whitespace().collect();
@@ -137,7 +137,9 @@ impl Comments {
                     }
                     Err(_) => None,
                 },
-                [COMMENT_PREFIX, ORIGIN, x, y, z] => place(x, y, z).map(|found| origin = found),
+                [COMMENT_PREFIX, ORIGIN, x, y, z] => {
+                    place(x, y, z).map(|found| origin = Some(found))
+                }
                 [COMMENT_PREFIX, rest @ ..] => set_option(&mut options, rest)
                     .or_else(|| set_preprocessing(&mut preprocessing, rest)),
                 _ => Some(()),
@@ -155,9 +157,15 @@ impl Comments {
     pub fn file(self, splats: Splats, format: PriorFormat) -> PriorFile {
         let Comments { options, near_by_size, origin, .. } = self;
         let Comments { preprocessing, key_frames, others: comments, .. } = self;
-        let splats = Splats { origin, ..splats };
+        let splats = Splats { origin: origin.unwrap_or_default(), ..splats };
         let extras = Extras { key_frames, preprocessing, ..Extras::default() };
-        PriorFile { comments, extras, near_by_size, ..PriorFile::new(splats, options, format) }
+        PriorFile {
+            comments,
+            extras,
+            near_by_size,
+            states_origin: origin.is_some(),
+            ..PriorFile::new(splats, options, format)
+        }
     }
 }
 

@@ -299,7 +299,7 @@ impl Prior {
 fn moved(file: &mut PriorFile) -> Option<PriorWarning> {
     let exact = file.exact_positions.take();
     let is_read = !file.format.is_own() && file.format != PriorFormat::Memory;
-    if !is_read || file.splats.origin != [0.0; 3] {
+    if !is_read || file.states_origin {
         return None;
     }
     let origin = match &exact {

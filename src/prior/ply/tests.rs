@@ -180,7 +180,7 @@ fn key_frames_stand_in_comments() {
     assert_eq!((&file.extras.key_frames, &file.splats), (&key_frames, &splats));
     assert_eq!(file.options, RenderOptions::GSPLAT);
     // The list of comments is for people.
-    assert_eq!(file.comments.len(), 4);
+    assert_eq!(file.comments.len(), 5);
     // Without key frames a file does not change.
     let line =
         |text: &[u8]| text.split(|b| *b == b'\n').any(|l| l.starts_with(b"comment nvsprior key"));
