@@ -10,7 +10,8 @@ system=$target/bookworm-arm64
 work=$target/c-hosts-aarch64
 if [ ! -e "$system/made" ]; then
     rm -rf "$system"
-    mmdebstrap --quiet --architectures=arm64 --variant=extract --include=libvulkan1,mesa-vulkan-drivers bookworm "$system"
+    mmdebstrap --quiet --architectures=arm64 --variant=extract --include=libvulkan1,mesa-vulkan-drivers \
+        bookworm "$system"
     touch "$system/made"
 fi
 mkdir -p "$work"

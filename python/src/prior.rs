@@ -101,10 +101,11 @@ impl PyPrior {
     }
 
     /// A prior of such arrays. `like`: a prior that gives all else: render options, key frames, coder tables; None:
-    /// gsplat's options, and nothing else. If `like` has an `origin`, means count from it; else means in float64 that lie
-    /// far from zero keep their digits, and the prior gets an origin. `raw`: as `arrays` gives it; with `like` the identity then comes back.
-    /// Without `raw`, values are rounded anew, so what comes back may be another prior. Types: means: array, scales:
-    /// array, quats: array, opacities: array, sh: array, raw: bool, like: Prior | None. Returns Prior.
+    /// gsplat's options, and nothing else. If `like` has an `origin`, means count from it; else means in float64 that
+    /// lie far from zero keep their digits, and the prior gets an origin. `raw`: as `arrays` gives it; with `like` the
+    /// identity then comes back. Without `raw`, values are rounded anew, so what comes back may be another prior.
+    /// Types: means: array, scales: array, quats: array, opacities: array, sh: array, raw: bool, like: Prior | None.
+    /// Returns Prior.
     #[staticmethod]
     #[pyo3(signature = (means, scales, quats, opacities, sh, *, raw = false, like = None))]
     #[allow(clippy::too_many_arguments)] // Python names them.

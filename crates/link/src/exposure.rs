@@ -28,8 +28,9 @@ const NO_TIME: u16 = (1 << LIMIT_AT) - 1;
 pub const PERIOD: f64 = STEP * STEPS as f64;
 /// Reports that count: the clocks drift.
 const REPORTS: usize = 16;
-/// Greatest age that is believed, seconds.
+/// Greatest age that is believed by each clock, seconds. A vehicle's own clock may be days off.
 const OLDEST: f64 = 600.0;
+const OLDEST_BY_VEHICLE: f64 = 60.0;
 
 /// Whose clock a time is by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +68,13 @@ pub fn age(user: &[u8], now: f64) -> Option<(f64, ClockSource)> {
     let age = (now - f64::from(word % (1 << LIMIT_AT)) * STEP * f64::from(CUT)).rem_euclid(PERIOD);
     // Times are cut to their steps.
     let age = if age > PERIOD - 2.0 * STEP { 0.0 } else { age };
-    (age <= OLDEST).then_some((age, source))
+    let oldest = if source == ClockSource::Vehicle { OLDEST_BY_VEHICLE } else { OLDEST };
+    (age <= oldest).then_some((age, source))
+}
+
+/// Whether the user bytes of a packet tell a time by the vehicle's own clock.
+pub fn is_by_vehicle(user: &[u8]) -> bool {
+    word(user).is_some_and(|word| word < STEPS && word % (1 << LIMIT_AT) != NO_TIME)
 }
 
 /// From which age on a picture is old, by the user bytes of its packet; seconds.
@@ -131,6 +138,7 @@ mod tests {
         }
         assert_eq!(of(10.0, 10.0 - 1e-3), Some(0.0), "a stamp of now is not of the past period");
         assert_eq!(of(60.0, 30.0), None, "a vehicle's clock that is ahead is not believed");
+        assert_eq!(of(60.0, 130.0), None, "nor one that is behind");
         assert_eq!((age(&[1], 0.0), age(&[], 0.0)), (None, None));
         for bits in 0..4 {
             let told = AgeLimit::from_bits(bits);

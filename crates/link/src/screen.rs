@@ -35,6 +35,8 @@ pub struct Shown {
     pub age: f64,
     /// Whose clock told the age; `None`: none did.
     pub clock: Option<ClockSource>,
+    /// The vehicle told the time by its own clock, and that cannot be right: it wants to be set.
+    pub is_clock_off: bool,
     /// From which age on the picture is old, seconds.
     pub old: f64,
     /// It does not follow the one before: the vehicle has begun anew.
@@ -91,6 +93,8 @@ pub enum Done {
 
 /// Packets that are known.
 const PACKETS: usize = 64;
+/// Stamps are cut to their steps, and clocks are not set to less; seconds.
+const CLOCK_STEP: f64 = 0.2;
 /// A reference is one of so many frames before.
 const FARTHEST: u32 = 32;
 /// A frame that lies before the shown one is none of the past if nothing was shown for so long, seconds: the vehicle
@@ -328,6 +332,7 @@ impl Screen {
                     time,
                     age: (now - time).max(0.0),
                     clock: None,
+                    is_clock_off: false,
                     old: super::age_limit::AgeLimit::UNTOLD.seconds(),
                     restarted: false,
                     shares: (0, None),
@@ -421,15 +426,20 @@ impl Screen {
         self.certain = (!decoded.uncertain).then_some(decoded.pose);
         self.drop_ready(frame);
         let Some(packet) = link.packet(number) else { return Done::Nothing };
-        let told = link.age(&packet);
         let began = self.began.iter().find(|(frame, _)| *frame == number);
         let since = began.map_or(0.0, |(_, began)| (now - began).max(0.0));
+        // No frame is newer than its packet.
+        let can_be = |(age, source): &(f64, ClockSource)| {
+            *source == ClockSource::Reports || age + CLOCK_STEP >= since
+        };
+        let told = link.age(&packet).filter(can_be);
         Done::Picture(Shown {
             shows: Shows::Own,
             frame,
             time,
             age: told.map_or(since, |(age, _)| age),
             clock: told.map(|(_, source)| source),
+            is_clock_off: told.is_none() && link.is_by_vehicle(&packet),
             old: link.age_limit(&packet),
             restarted,
             shares: (packet.arrived, packet.sent),

@@ -314,10 +314,15 @@ impl TopsideLink {
     }
 
     /// How old a packet's frame was at the last call, seconds, and by whose clock. It is never told too small. `None`:
-    /// the packet does not tell.
+    /// the packet does not tell, or by a clock of the vehicle that is off.
     pub fn age(&self, packet: &CollectedPacket) -> Option<(f64, ClockSource)> {
         let age = exposure::age(packet.user?, self.timeline.told(self.timeline.last()));
         age.filter(|(_, source)| self.is_utc || *source == ClockSource::Reports)
+    }
+
+    /// Whether a packet tells its frame's time by the vehicle's own clock.
+    pub(crate) fn is_by_vehicle(&self, packet: &CollectedPacket) -> bool {
+        self.is_utc && packet.user.is_some_and(exposure::is_by_vehicle)
     }
 
     /// From which age on a frame's picture is old, as its packet tells, seconds.

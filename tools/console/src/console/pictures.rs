@@ -28,6 +28,7 @@ pub struct Shown<'a> {
     /// When its frame was exposed, UTC; without a clock when its packet began to come.
     pub exposed: f64,
     pub clock: Option<ClockSource>,
+    pub is_clock_off: bool,
     /// From which age on it is old, seconds.
     pub old: f64,
     /// Modem frames of its packet that came, and that were sent.
@@ -76,6 +77,7 @@ impl Pictures {
             arrived: shown.time,
             exposed: shown.time - shown.age,
             clock: shown.clock,
+            is_clock_off: shown.is_clock_off,
             old: shown.old,
             shares: shown.shares,
             bytes: shown.bytes,

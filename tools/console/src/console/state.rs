@@ -90,6 +90,8 @@ pub struct PictureState {
     pub limits: [f64; 2],
     /// By whose clock; `None`: since its packet came, so it is older than that.
     pub clock: Option<&'static str>,
+    /// The vehicle's clock cannot be right.
+    pub is_clock_off: bool,
     /// When the modem frame came that it was drawn after, UTC.
     pub arrived: f64,
     /// Modem frames of its packet that came, and that were sent.

@@ -532,6 +532,7 @@ fn picture_state(shown: &Shown, now: f64) -> PictureState {
         age: (now - shown.exposed).max(0.0),
         limits: [shown.old, shown.old * VERY_OLD],
         clock: shown.clock.map(clock_name),
+        is_clock_off: shown.is_clock_off,
         arrived: shown.arrived,
         shares: [Some(shown.shares.0), shown.shares.1],
         bytes: shown.bytes,

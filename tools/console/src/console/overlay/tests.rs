@@ -37,6 +37,7 @@ fn picture(
         arrived: time + 1.0,
         exposed: time,
         clock: None,
+        is_clock_off: false,
         old: 5.0,
         shares: (1, None),
         bytes: 60,

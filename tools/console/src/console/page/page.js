@@ -209,7 +209,8 @@ function showState() {
   const { link, picture, prior } = state;
   byId("prior").textContent = `· ${prior.file} · ${prior.identity}`;
   const clocks = { reports: "age of the picture", vehicle: "age, by the vehicle's clock" };
-  const counted = (picture && clocks[picture.clock]) || (picture ? "since it came" : "age of the picture");
+  const untold = picture && picture.is_clock_off ? "since it came: the vehicle's clock is off, set it" : "since it came";
+  const counted = (picture && clocks[picture.clock]) || (picture ? untold : "age of the picture");
   const exposed = picture && timeOfDay(state.now - picture.age);
   byId("age-label").textContent = picture ? `${counted} · seen ${picture.clock ? "" : "before "}${exposed}` : counted;
   byId("about").textContent = picture

@@ -40,6 +40,10 @@ struct Link {
     frames: Vec<DemoFrame>,
     /// Pictures of packets that came in full.
     whole: usize,
+    /// By how much the vehicle's clock is ahead.
+    ahead: f64,
+    /// Whether reports go back.
+    reports: bool,
 }
 
 impl Link {
@@ -54,6 +58,8 @@ impl Link {
             random: Random::new(7),
             frames: nvsprior_basin::inspection_run(Run::T2, FRAMES, Conditions::CALM).collect(),
             whole: 0,
+            ahead: 0.0,
+            reports: true,
         }
     }
 
@@ -62,21 +68,22 @@ impl Link {
         let exposed = number as f64 / FRAME_RATE;
         let frame = &self.frames[forth_and_back(number, FRAMES)];
         let hint = (number == 0).then(|| Hint::of(frame.pose));
-        let info = FrameInfo { time: Some(exposed), hint };
-        let taken = CameraFrame { exposed, picture: &frame.picture, info, user: &[] };
-        let is_sent = self.vehicle.frame(exposed, &taken, || exposed).unwrap().is_some();
+        let own = exposed + self.ahead;
+        let info = FrameInfo { time: Some(own), hint };
+        let taken = CameraFrame { exposed: own, picture: &frame.picture, info, user: &[] };
+        let is_sent = self.vehicle.frame(own, &taken, || own).unwrap().is_some();
         let (sent, expected) =
             (self.vehicle.encoded().stats.frame, self.vehicle.encoded().picture.clone());
         for part in 0..10 {
             let now = exposed + f64::from(part) / 10.0 / FRAME_RATE;
-            while let Some(frame) = self.vehicle.link().transmit(now, MTU).unwrap() {
+            while let Some(frame) = self.vehicle.link().transmit(now + self.ahead, MTU).unwrap() {
                 if self.random.within(0.0, 1.0) >= LOSS {
                     assert!(self.pictures.take(now, frame).is_some());
                 }
             }
             self.pictures.decode().unwrap();
-            if let Some(report) = self.pictures.report(now) {
-                self.vehicle.link().receive(now, report).unwrap();
+            if let Some(report) = self.pictures.report(now).filter(|_| self.reports) {
+                self.vehicle.link().receive(now + self.ahead, report).unwrap();
             }
         }
         if is_sent {
@@ -101,4 +108,19 @@ fn whole_pictures_are_those_of_the_vehicle() {
     let mut link = Link::new();
     (0..20).for_each(|number| link.step(number));
     assert!(link.whole > 10, "{} whole pictures", link.whole);
+}
+
+#[test]
+fn a_clock_of_the_vehicle_that_is_days_off_is_told_until_reports_reach_it() {
+    for (ahead, is_off) in [(0.0, false), (3.0 * 86_400.0, true), (-86_400.0, true), (5.0, true)] {
+        let mut link = Link::new();
+        (link.ahead, link.reports) = (ahead, false);
+        (0..3).for_each(|number| link.step(number));
+        let shown = link.pictures.shown().expect("a picture");
+        assert_eq!((shown.is_clock_off, shown.clock.is_none()), (is_off, is_off), "{ahead}");
+        link.reports = true;
+        (3..8).for_each(|number| link.step(number));
+        let shown = link.pictures.shown().expect("a picture");
+        assert_eq!((shown.is_clock_off, shown.clock), (false, Some(ClockSource::Reports)));
+    }
 }
