@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use gst::prelude::*;
 use nvsprior::prior::PriorError;
 use nvsprior::prior::blocked::BlockedPrior;
 use nvsprior::render::{BlockReader, Scene};
@@ -29,8 +30,12 @@ pub struct HeldPrior {
 }
 
 impl HeldPrior {
-    /// Opens the device, reads the prior and uploads it. That takes seconds.
-    pub fn open(settings: &PriorSettings) -> Result<HeldPrior, gst::ErrorMessage> {
+    /// Opens the device, reads the prior and uploads it. That takes seconds. What a user should know of the prior's file
+    /// is posted as warnings of the element.
+    pub fn open(
+        settings: &PriorSettings,
+        element: &impl IsA<gst::Element>,
+    ) -> Result<HeldPrior, gst::ErrorMessage> {
         let Some(file) = &settings.prior else {
             let what = "give the file of the trained scene, .ply, .nvsg, .nvsb or .spz";
             let error = PropertyError::Missing("prior", what);
@@ -44,6 +49,11 @@ impl HeldPrior {
         };
         let options = settings.device_options();
         let content = settings.read(Path::new(file)).map_err(|e| unread(&e))?;
+        if let Content::Whole(prior) = &content {
+            for note in prior.report().notes() {
+                gst::element_warning!(element, gst::ResourceError::OpenRead, ("{file}: {note}"));
+            }
+        }
         let engine = Engine::new(&options)
             .map_err(|error| gst::error_msg!(gst::ResourceError::OpenReadWrite, ("{error}")))?;
         let uploaded = match &content {

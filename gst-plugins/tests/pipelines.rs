@@ -848,3 +848,20 @@ fn a_link_may_change() {
     assert!(counted(8).0 > number, "numbers go on");
     assert_eq!(pipeline.stats("vehicle").get::<u64>("uncertain"), Ok(0));
 }
+
+#[test]
+fn what_a_prior_leaves_out_is_a_warning() {
+    let fixture = fixture();
+    let plain = std::fs::read(fixture.file("prior.ply")).unwrap();
+    let end = plain.windows(10).position(|w| w == b"end_header").unwrap();
+    let header = String::from_utf8(plain[..end].to_vec()).unwrap();
+    let header = header.replace("property float nx", "property float segment");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("other.ply");
+    std::fs::write(&file, [header.as_bytes(), &plain[end..]].concat()).unwrap();
+    let encoder = fixture.encoder(&format!("prior={}", file.display()));
+    let pipeline = Pipeline::new(&format!("{} ! {encoder}", Fixture::source()));
+    pipeline.run(&fixture.frames[..1]);
+    let warnings = pipeline.warnings();
+    assert!(warnings.iter().any(|of| of.contains("other.ply: PLY property")), "{warnings:?}");
+}

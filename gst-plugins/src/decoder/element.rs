@@ -262,7 +262,7 @@ impl ElementImpl for Decoder {
 impl VideoDecoderImpl for Decoder {
     fn start(&self) -> Result<(), gst::ErrorMessage> {
         let prior = lock(&self.prior).clone();
-        let held = HeldPrior::open(&prior)?;
+        let held = HeldPrior::open(&prior, &*self.obj())?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         let decoder = lock(&self.showing).decoder(&held)?;
         *lock(&self.counts) = Counts::default();

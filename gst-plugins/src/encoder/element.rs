@@ -226,7 +226,7 @@ impl VideoEncoderImpl for Encoder {
             return Err(gst::error_msg!(gst::LibraryError::Settings, ("{error}")));
         }
         let prior = lock(&self.prior).clone();
-        let held = HeldPrior::open(&prior)?;
+        let held = HeldPrior::open(&prior, &*self.obj())?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         *lock(&self.counts) = Counts::default();
         *lock(&self.state) = State { held: Some(held), ..State::default() };

@@ -628,7 +628,7 @@ impl TopsideEnd {
     fn start(&self) -> Result<(), gst::ErrorMessage> {
         let (keys, stored) = lock(&self.files).read()?;
         let prior = lock(&self.prior).clone();
-        let held = HeldPrior::open(&prior)?;
+        let held = HeldPrior::open(&prior, &*self.obj())?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         // What is wrong with camera or filter is said before the first datagram.
         lock(&self.showing).decoder(&held)?;

@@ -521,7 +521,7 @@ impl VehicleEnd {
         }
         let (keys, stored) = lock(&self.files).read()?;
         let prior = lock(&self.prior).clone();
-        let held = HeldPrior::open(&prior)?;
+        let held = HeldPrior::open(&prior, &*self.obj())?;
         gst::info!(CATEGORY, imp = self, "device: {}", held.engine.device());
         *lock(&self.counts) = Counts::default();
         lock(&self.heard).clear();
