@@ -30,8 +30,8 @@ pub struct HeldPrior {
 }
 
 impl HeldPrior {
-    /// Opens the device, reads the prior and uploads it. That takes seconds. What a user should know of the prior's file
-    /// is posted as warnings of the element.
+    /// Opens the device, reads the prior and uploads it. That takes seconds. What a user should know of the prior's
+    /// file is posted as warnings of the element.
     pub fn open(
         settings: &PriorSettings,
         element: &impl IsA<gst::Element>,

@@ -167,6 +167,3 @@ impl ResidualEncoder {
         Ok(CodedResidual { residual, reconstruction, psnr, probes, reached })
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -10,18 +10,7 @@
 //! identity: a reader has the splats that the writer saw. Writing what was read, at the same quantisation, gives the
 //! same splats again.
 //!
-//! **What it costs.** For the reef prior (39,713 splats of degree 1, 104 bytes each as PLY), with the default
-//! quantisation and the same numbers in each stream; decoding on one core:
-//!
-//! | coder | bytes per splat | decoding, ms |
-//! |---|---|---|
-//! | deflate (flate2, level 9) | 13.19 | 8 |
-//! | an adaptive range coder with contexts of neighbours | 12.23 | |
-//! | Brotli (quality 11) | 12.02 | 18 |
-//! | LZMA (lzma-rust2, preset 9) | 11.77 | 83 |
-//!
-//! Separate x, y and z take 0.3 bytes more than distances along the curve. Steps that shrink with
-//! the size and opacity of a splat gave worse pictures at the same bytes than even steps.
+//! **What it costs**, beside other coders: `docs/experiments/coders.md`, compact priors.
 
 mod coded;
 mod exact;

@@ -49,6 +49,8 @@ pub struct Bracket<M> {
     model: M,
     told: [Told; MOST_TOLD],
     count: usize,
+    /// How far the model is expected to be below the number.
+    off: f64,
 }
 
 /// A number that was told.
@@ -69,9 +71,14 @@ const ASIDE: f64 = 0.02;
 const SHARE_ASIDE: f64 = 0.3;
 
 impl<M: Fn(Fineness) -> f64> Bracket<M> {
-    /// Begins at where the model has the target.
-    pub fn new(target: f64, model: M) -> Bracket<M> {
-        Bracket { target, model, told: [Told::default(); MOST_TOLD], count: 0 }
+    /// Begins at where the model has the target, if it is below the number by `off`.
+    pub fn new(target: f64, off: f64, model: M) -> Bracket<M> {
+        Bracket { target, model, told: [Told::default(); MOST_TOLD], count: 0, off }
+    }
+
+    /// How far the model was below the number that was told last; `None`: none was.
+    pub fn last_off(&self) -> Option<f64> {
+        self.told[..self.count].last().map(|told| told.off)
     }
 
     /// The number at a fineness.
@@ -99,7 +106,7 @@ impl<M: Fn(Fineness) -> f64> Bracket<M> {
         let coarse = told.iter().filter(|told| !too_fine(told)).filter(behind);
         let coarse = coarse.min_by(|a, b| a.at.total_cmp(&b.at));
         let next = match (fine, coarse) {
-            (None, None) => self.root((0.0, 0.0), (COARSEST, 0.0)),
+            (None, None) => self.root((0.0, self.off), (COARSEST, self.off)),
             (Some(fine), Some(coarse)) if coarse.at - fine.at < ASIDE => return None,
             (Some(fine), Some(coarse)) => {
                 let root = self.root((fine.at, fine.off), (coarse.at, coarse.off));
@@ -145,7 +152,7 @@ mod tests {
 
     /// Tries until the number is within a tolerance of the target. How many it takes.
     fn tries(number: impl Fn(f64) -> f64, model: impl Fn(f64) -> f64, tolerance: f64) -> u32 {
-        let mut bracket = Bracket::new(30.0, |fineness: Fineness| model(fineness.0));
+        let mut bracket = Bracket::new(30.0, 0.0, |fineness: Fineness| model(fineness.0));
         for tries in 1..30 {
             let at = bracket.next().expect("a target within reach");
             let value = number(at.0);
@@ -171,7 +178,7 @@ mod tests {
     #[test]
     fn a_target_out_of_reach_ends_the_search() {
         for value in [20.0, 40.0] {
-            let mut bracket = Bracket::new(30.0, |fineness: Fineness| 40.0 - fineness.0);
+            let mut bracket = Bracket::new(30.0, 0.0, |fineness: Fineness| 40.0 - fineness.0);
             let mut tries = 0;
             while let Some(at) = bracket.next() {
                 bracket.tell(at, value);

@@ -7,7 +7,7 @@ use crate::packet::{Reference, Residual, residual_part_len, without_zeros};
 
 use super::super::interest::Interest;
 use super::super::rate::{Content, Rate, RateResult};
-use super::budget::BudgetSearch;
+use super::budget::{BudgetSearch, Learnt};
 use super::decoder::WaveletDecoder;
 use super::displaced::Earlier;
 use super::encoder::WaveletEncoder;
@@ -44,6 +44,10 @@ pub struct RateEncoder {
     probes: u32,
     kind: FrameKind<Reference>,
     trials: Trials,
+    /// What earlier searches have shown: of frames that are predicted from none, and from an earlier one.
+    learnt: [Learnt; 2],
+    /// As that, how far the model of the PSNR is below it, dB.
+    psnr_off: [f64; 2],
 }
 
 /// What a frame is, or may be, predicted from beside its render.
@@ -136,6 +140,8 @@ impl RateEncoder {
             probes: 0,
             kind: FrameKind::AllIntra,
             trials: Trials::default(),
+            learnt: Default::default(),
+            psnr_off: [0.0; 2],
         }
     }
 
@@ -324,9 +330,9 @@ impl RateEncoder {
             Rate::Quality(_) => None,
             Rate::Bytes(bytes) => {
                 let room = bytes as f64 - self.encoder.block_bytes();
-                Bracket::new(room.max(1.0), |at| model.bytes(at)).next()
+                Bracket::new(room.max(1.0), 0.0, |at| model.bytes(at)).next()
             }
-            Rate::Psnr(target) => Bracket::new(target, |at| model.psnr(at)).next(),
+            Rate::Psnr(target) => Bracket::new(target, 0.0, |at| model.psnr(at)).next(),
         };
         first.unwrap_or(Fineness::of_quality(0.0))
     }
@@ -371,7 +377,9 @@ impl RateEncoder {
     /// The coarsest picture that reaches a PSNR, or the finest there is. Whether it is reached.
     fn reaching(&mut self, frame: &Picture, render: &Picture, target: f64) -> bool {
         let model = self.encoder.model();
-        let mut bracket = Bracket::new(target + 0.4 * PSNR_SLACK, |at| model.psnr(at));
+        let inter = usize::from(self.encoder.inter_in_use().is_some());
+        let off = self.psnr_off[inter];
+        let mut bracket = Bracket::new(target + 0.4 * PSNR_SLACK, off, |at| model.psnr(at));
         let mut best: Option<(Fineness, f64)> = None;
         let mut last = None;
         while let Some(fineness) = bracket.next().filter(|_| self.probes < MAX_PROBES) {
@@ -390,6 +398,7 @@ impl RateEncoder {
                 break;
             }
         }
+        self.psnr_off[inter] = bracket.last_off().map_or(off, |last| 0.5 * (off + last));
         if let Some((fineness, _)) = best.filter(|(fineness, _)| last != Some(*fineness)) {
             self.choose(fineness);
             self.show(frame, render);
@@ -424,7 +433,20 @@ impl RateEncoder {
     fn search_within(&mut self, frame: &Picture, render: &Picture, max: usize) {
         let blocks = self.encoder.block_bytes();
         let model = self.encoder.model();
-        let mut search = BudgetSearch::new(max, blocks, |at| model.bytes(at).ln());
+        let inter = usize::from(self.encoder.inter_in_use().is_some());
+        let learnt = self.learnt[inter];
+        let mut search = BudgetSearch::new(max, blocks, learnt, |at| libm::log(model.bytes(at)));
+        self.search(frame, render, max, &mut search);
+        self.learnt[inter] = search.learnt(learnt);
+    }
+
+    fn search(
+        &mut self,
+        frame: &Picture,
+        render: &Picture,
+        max: usize,
+        search: &mut BudgetSearch<impl Fn(Fineness) -> f64>,
+    ) {
         let last = self.probes + MAX_PROBES;
         while let Some(fineness) = search.next().filter(|_| self.probes < last) {
             let weighed = self.choose(fineness);

@@ -158,7 +158,7 @@ fn bench_measures_sizes() {
             assert!(own("reached") < 3.0 || own("psnr_db") >= target, "{row}");
         }
         for (index, rate) in
-            ["300 bytes", "1000 bytes", "quality 20", "quality 60"].iter().enumerate()
+            ["300 bytes", "1000 bytes", "33 dB", "quality 20", "quality 60"].iter().enumerate()
         {
             let own = |key: &str| number(row, &format!("/coder/{index}/{key}"));
             assert_eq!(row["coder"][index]["rate"], *rate);
@@ -168,7 +168,7 @@ fn bench_measures_sizes() {
         assert!(run.stdout.contains(&format!("\n{width}×")), "{}", run.stdout);
     }
     assert_eq!(table(&dive, "sizes.csv").len(), 3);
-    assert_eq!(table(&dive, "coder.csv").len(), 9);
+    assert_eq!(table(&dive, "coder.csv").len(), 11);
     for plot in ["bytes", "times", "psnr"] {
         assert!(dive.bytes(&format!("out/{plot}.svg")).starts_with(b"<svg"), "{plot}");
     }

@@ -8,9 +8,10 @@ use serde::Serialize;
 use nvsprior_inputs::report::{Table, fixed, fixed_or_empty};
 
 /// What is measured: a budget of bytes is a search, a quality is one coding.
-const RATES: [(&str, Rate); 4] = [
+const RATES: [(&str, Rate); 5] = [
     ("300 bytes", Rate::Bytes(300)),
     ("1000 bytes", Rate::Bytes(1000)),
+    ("33 dB", Rate::Psnr(33.0)),
     ("quality 20", Rate::Quality(20.0)),
     ("quality 60", Rate::Quality(60.0)),
 ];

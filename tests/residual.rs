@@ -1,7 +1,11 @@
-use crate::packet::residual_part_len;
+//! Difference pictures at a rate: what is coded is within it, is what the decoder gets, and says so.
 
-use super::super::ResidualDecoder;
-use super::*;
+use nvsprior::coder_tables::Tables;
+use nvsprior::packet::{Residual, residual_part_len};
+use nvsprior::residual::{
+    CodedResidual, ResidualDecoder, ResidualEncoder, ResidualError, ResidualSetup,
+};
+use nvsprior::{Picture, Rate};
 
 fn encoder() -> ResidualEncoder {
     ResidualEncoder::new(&ResidualSetup::new(96, 64))
