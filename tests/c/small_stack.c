@@ -71,7 +71,7 @@ int main(int argc, char **argv) {
     if (stack == MAP_FAILED || shown == NULL) give_up("no memory");
     memset(stack, UNTOUCHED, size);
     pthread_attr_t attributes;
-    pthread_t thread;
+    pthread_t thread = 0;
     if (pthread_attr_init(&attributes) != 0 || pthread_attr_setstack(&attributes, stack, size) != 0
         || pthread_create(&thread, &attributes, all_calls, NULL) != 0) {
         give_up("no thread with a stack of its own");
